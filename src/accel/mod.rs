@@ -1,0 +1,158 @@
+//! Ray queries: one trait, implemented by Embree, by obvhs and by a brute-force reference.
+//!
+//! A backend only finds triangles. Positions, normals, texture coordinates and ray offsets are computed from our own
+//! vertices in [`crate::interaction`], so that every backend shades alike.
+
+use crate::math::Vec3;
+use crate::mesh::TriangleMesh;
+use glam::Affine3A;
+use std::sync::Arc;
+use thiserror::Error;
+
+pub mod brute;
+#[cfg(feature = "embree")]
+pub mod embree;
+#[cfg(feature = "obvhs")]
+pub mod obvhs;
+pub mod triangle;
+
+/// A ray segment: the open interval (`t_min`, `t_max`) along a unit direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ray {
+    /// Start point, in world coordinates.
+    pub origin: Vec3,
+    /// Unit direction.
+    pub direction: Vec3,
+    /// Hits at or before this distance do not count. Usually 0: origins are already off their surface.
+    pub t_min: f32,
+    /// Hits at or beyond this distance do not count; may be infinite.
+    pub t_max: f32,
+}
+
+impl Ray {
+    /// An unbounded ray from its origin on.
+    pub fn new(origin: Vec3, direction: Vec3) -> Ray {
+        Ray {
+            origin,
+            direction,
+            t_min: 0.0,
+            t_max: f32::INFINITY,
+        }
+    }
+}
+
+/// The nearest intersection of a ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Distance along the ray.
+    pub t: f32,
+    /// Index into [`Geometry::placements`].
+    pub placement: u32,
+    /// Index of the triangle in its mesh.
+    pub triangle: u32,
+    /// Barycentric weight of the second corner.
+    pub u: f32,
+    /// Barycentric weight of the third corner.
+    pub v: f32,
+}
+
+/// A mesh standing somewhere in the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    /// Index into [`Geometry::meshes`].
+    pub mesh: u32,
+    /// Mesh to world coordinates; invertible. `None`: the mesh is in world coordinates already.
+    pub to_world: Option<Affine3A>,
+}
+
+/// What a backend is built from. Placements with a transform share one acceleration structure per mesh.
+#[derive(Clone, Debug, Default)]
+pub struct Geometry {
+    /// Validated meshes.
+    pub meshes: Vec<Arc<TriangleMesh>>,
+    /// Where they stand; a hit names one of these.
+    pub placements: Vec<Placement>,
+}
+
+impl Geometry {
+    /// World-space corners of a triangle of a placement: the one place where instance vertices are transformed.
+    #[inline]
+    pub fn world_triangle(&self, placement: u32, triangle: u32) -> [Vec3; 3] {
+        let placement = &self.placements[placement as usize];
+        let corners = self.meshes[placement.mesh as usize].triangle(triangle as usize);
+        match &placement.to_world {
+            None => corners,
+            Some(to_world) => corners.map(|p| to_world.transform_point3(p)),
+        }
+    }
+
+    /// Smallest and largest corner of the world-space box around everything; `None` without any placement.
+    pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
+        let mut bounds: Option<(Vec3, Vec3)> = None;
+        for placement in &self.placements {
+            let mesh = &self.meshes[placement.mesh as usize];
+            let (lo, hi) = match &placement.to_world {
+                None => mesh.bounds(),
+                Some(to_world) => mesh
+                    .positions
+                    .iter()
+                    .map(|p| to_world.transform_point3(*p))
+                    .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), p| {
+                        (lo.min(p), hi.max(p))
+                    }),
+            };
+            bounds = Some(bounds.map_or((lo, hi), |(a, b)| (a.min(lo), b.max(hi))));
+        }
+        bounds
+    }
+}
+
+/// How to build.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BuildOptions {
+    /// Watertight traversal where the backend has a faster, leakier one.
+    pub robust: bool,
+}
+
+impl Default for BuildOptions {
+    fn default() -> Self {
+        BuildOptions { robust: true }
+    }
+}
+
+/// Why a backend could not be built.
+#[derive(Debug, Error)]
+pub enum AccelError {
+    /// The ray-tracing library failed.
+    #[error("{library}: {message}")]
+    Library {
+        /// Name and version of the library.
+        library: String,
+        /// What it said.
+        message: String,
+    },
+}
+
+/// Closest-hit and any-hit queries over triangles. A backend is built once and then read by all threads.
+pub trait Accel: Sized + Send + Sync {
+    /// The name on the command line.
+    const NAME: &'static str;
+
+    /// Builds the structure on the threads of the current rayon pool.
+    ///
+    /// # Errors
+    /// Only when the library behind the backend fails (out of memory, wrong version). Empty geometry is no error.
+    fn build(geometry: &Geometry, options: BuildOptions) -> Result<Self, AccelError>;
+
+    /// The nearest hit in the open interval of the ray, of either side of a triangle.
+    fn intersect(&self, ray: &Ray) -> Option<Hit>;
+
+    /// Whether anything is hit in the open interval of the ray.
+    fn occluded(&self, ray: &Ray) -> bool;
+
+    /// Bytes of the acceleration structure, as far as the library tells.
+    fn memory_bytes(&self) -> usize;
+
+    /// Version of the library in use.
+    fn version() -> String;
+}

@@ -1,0 +1,3 @@
+//! The `embrace` command.
+
+fn main() {}
