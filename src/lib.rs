@@ -2,9 +2,19 @@
 #![deny(unsafe_code)]
 
 pub mod accel;
+pub mod bsdf;
+pub mod camera;
+pub mod film;
 pub mod image;
+pub mod integrator;
+pub mod interaction;
+pub mod light;
+pub mod material;
 pub mod math;
 pub mod mesh;
+pub mod sampling;
+pub mod scene;
+pub mod texture;
 
 #[cfg(not(any(feature = "embree", feature = "obvhs")))]
 compile_error!(

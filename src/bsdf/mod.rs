@@ -1,0 +1,184 @@
+//! Scattering at a surface, in the local frame whose +z is the shading normal on the side of `wo`.
+//!
+//! `wo` points to the previous vertex and always has `wo.z > 0`; `wi` is the sampled direction, away from the surface as
+//! well (pbrt's convention). Radiance is what is transported.
+
+use crate::math::{Rgb, Vec3};
+use crate::sampling::warp;
+
+mod conductor;
+mod dielectric;
+mod diffuse;
+mod microfacet;
+mod plastic;
+
+pub use conductor::Conductor;
+pub use dielectric::Dielectric;
+pub use diffuse::Diffuse;
+pub use microfacet::SMOOTH_ALPHA;
+pub use plastic::{MIN_ALPHA as PLASTIC_MIN_ALPHA, Plastic};
+
+/// A scattering function with its parameters at one point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Bsdf {
+    /// Lambert's law.
+    Diffuse(Diffuse),
+    /// Metal: GGX with exact Fresnel reflectance, or a smooth mirror of it.
+    Conductor(Conductor),
+    /// Glass: smooth or rough, reflecting and transmitting.
+    Dielectric(Dielectric),
+    /// A perfect mirror of constant reflectance.
+    Mirror(Rgb),
+    /// A diffuse base under a rough dielectric coat.
+    Plastic(Plastic),
+}
+
+/// Value and density of a pair of directions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BsdfEval {
+    /// f(wo, wi) · |cos θi| [1/sr].
+    pub value: Rgb,
+    /// Density with which [`Bsdf::sample`] draws `wi` [1/sr].
+    pub pdf_w: f32,
+}
+
+impl BsdfEval {
+    /// Nothing is scattered and nothing sampled.
+    pub const ZERO: BsdfEval = BsdfEval {
+        value: Rgb::BLACK,
+        pdf_w: 0.0,
+    };
+}
+
+/// A sampled direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BsdfSample {
+    /// Unit direction, local.
+    pub wi: Vec3,
+    /// f · |cos θi| / density, in each channel.
+    pub weight: Rgb,
+    /// Density [1/sr]; infinite for a delta lobe.
+    pub pdf_w: f32,
+    /// Square of the index ratio that radiance was scaled by on transmission, else 1. Roulette multiplies it back in, so
+    /// that paths inside glass do not die of a factor that they regain on leaving.
+    pub eta_squared: f32,
+}
+
+impl BsdfSample {
+    /// Whether the direction comes from a delta lobe.
+    pub fn is_delta(&self) -> bool {
+        self.pdf_w == f32::INFINITY
+    }
+
+    fn delta(wi: Vec3, weight: Rgb, eta_squared: f32) -> BsdfSample {
+        BsdfSample {
+            wi,
+            weight,
+            pdf_w: f32::INFINITY,
+            eta_squared,
+        }
+    }
+}
+
+impl Bsdf {
+    /// Value and sampling density of a direction. Delta lobes give zero for both.
+    #[inline]
+    pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+        match self {
+            Bsdf::Diffuse(bsdf) => bsdf.eval(wi),
+            Bsdf::Conductor(bsdf) => bsdf.eval(wo, wi),
+            Bsdf::Dielectric(bsdf) => bsdf.eval(wo, wi),
+            Bsdf::Plastic(bsdf) => bsdf.eval(wo, wi),
+            Bsdf::Mirror(_) => BsdfEval::ZERO,
+        }
+    }
+
+    /// Draws a direction: `lobe` in [0, 1) chooses between lobes, `u` in [0, 1)² the direction. `None` ends the path: the
+    /// sample carries nothing.
+    #[inline]
+    pub fn sample(&self, wo: Vec3, lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
+        match self {
+            Bsdf::Diffuse(bsdf) => bsdf.sample(u),
+            Bsdf::Conductor(bsdf) => bsdf.sample(wo, u),
+            Bsdf::Dielectric(bsdf) => bsdf.sample(wo, lobe, u),
+            Bsdf::Plastic(bsdf) => bsdf.sample(wo, lobe, u),
+            Bsdf::Mirror(reflectance) => {
+                (!reflectance.is_black()).then(|| BsdfSample::delta(reflect_z(wo), *reflectance, 1.0))
+            }
+        }
+    }
+
+    /// Draws a direction whatever the lobes, by the cosine of its angle or uniformly; over both hemispheres if light can
+    /// pass through. The article's bounce, kept beside [`Bsdf::sample`] to compare with. Not for delta lobes.
+    pub fn sample_hemisphere(&self, wo: Vec3, cosine: bool, lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
+        let mut wi = if cosine {
+            warp::cosine_hemisphere(u)
+        } else {
+            warp::uniform_hemisphere(u)
+        };
+        if self.transmits() && lobe < 0.5 {
+            wi.z = -wi.z;
+        }
+        let pdf_w = self.hemisphere_pdf_w(cosine, wi);
+        let BsdfEval { value, .. } = self.eval(wo, wi);
+        let eta_squared = match self {
+            Bsdf::Dielectric(bsdf) if wi.z < 0.0 => bsdf.eta * bsdf.eta,
+            _ => 1.0,
+        };
+        (!value.is_black()).then(|| BsdfSample {
+            wi,
+            weight: value / pdf_w,
+            pdf_w,
+            eta_squared,
+        })
+    }
+
+    /// Density of [`Bsdf::sample_hemisphere`] [1/sr].
+    pub fn hemisphere_pdf_w(&self, cosine: bool, wi: Vec3) -> f32 {
+        let side = if self.transmits() {
+            0.5
+        } else if wi.z > 0.0 {
+            1.0
+        } else {
+            0.0
+        };
+        side * if cosine {
+            warp::cosine_hemisphere_pdf_w(wi.z.abs())
+        } else {
+            warp::UNIFORM_HEMISPHERE_PDF_W
+        }
+    }
+
+    /// Whether all lobes are delta lobes, so that light sampling is pointless.
+    #[inline]
+    pub fn is_delta(&self) -> bool {
+        match self {
+            Bsdf::Diffuse(_) | Bsdf::Plastic(_) => false,
+            Bsdf::Conductor(bsdf) => bsdf.is_smooth(),
+            Bsdf::Dielectric(bsdf) => bsdf.is_smooth(),
+            Bsdf::Mirror(_) => true,
+        }
+    }
+
+    /// Whether light can pass to the other side.
+    #[inline]
+    pub fn transmits(&self) -> bool {
+        matches!(self, Bsdf::Dielectric(_))
+    }
+
+    /// Whether nothing is ever scattered.
+    #[inline]
+    pub fn is_black(&self) -> bool {
+        match self {
+            Bsdf::Diffuse(bsdf) => bsdf.reflectance.is_black(),
+            Bsdf::Mirror(reflectance) => reflectance.is_black(),
+            Bsdf::Conductor(_) | Bsdf::Dielectric(_) | Bsdf::Plastic(_) => false,
+        }
+    }
+}
+
+/// Mirror reflection about +z.
+#[inline]
+fn reflect_z(w: Vec3) -> Vec3 {
+    Vec3::new(-w.x, -w.y, w.z)
+}

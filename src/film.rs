@@ -1,0 +1,174 @@
+//! Accumulation of samples into pixels.
+
+use crate::image::Image;
+use crate::math::Rgb;
+
+/// Edge length of a tile in pixels.
+pub const TILE_SIZE: u32 = 16;
+
+/// A rectangle of pixels of the full image: columns x0..x1, rows y0..y1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rect {
+    /// First column.
+    pub x0: u32,
+    /// First row.
+    pub y0: u32,
+    /// Past the last column.
+    pub x1: u32,
+    /// Past the last row.
+    pub y1: u32,
+}
+
+impl Rect {
+    /// Columns.
+    pub fn width(&self) -> u32 {
+        self.x1 - self.x0
+    }
+
+    /// Rows.
+    pub fn height(&self) -> u32 {
+        self.y1 - self.y0
+    }
+
+    /// Number of pixels.
+    pub fn pixels(&self) -> u64 {
+        u64::from(self.width()) * u64::from(self.height())
+    }
+}
+
+/// Part of the film, owned by one thread at a time.
+///
+/// Sums are f64: an f32 sum of a constant is off by 1 % after 1e6 samples, and after one sample of 1e8 ignores
+/// everything up to 4. Each pixel adds its samples in the order of their index, so that the sum does not depend on
+/// threads or tile order.
+#[derive(Clone, Debug)]
+pub struct Tile {
+    /// The pixels covered.
+    pub rect: Rect,
+    /// Samples that every pixel of the tile has taken so far.
+    pub samples: u32,
+    sums: Vec<[f64; 3]>,
+}
+
+impl Tile {
+    /// Adds a sample to a pixel given in coordinates of the full image.
+    #[inline]
+    pub fn add(&mut self, x: u32, y: u32, radiance: Rgb) {
+        let index = (y - self.rect.y0) as usize * self.rect.width() as usize + (x - self.rect.x0) as usize;
+        for (sum, value) in self.sums[index].iter_mut().zip(radiance.to_array()) {
+            *sum += f64::from(value);
+        }
+    }
+}
+
+/// The pixels being rendered, in tiles.
+#[derive(Clone, Debug)]
+pub struct Film {
+    crop: Rect,
+    tiles: Vec<Tile>,
+}
+
+impl Film {
+    /// An empty film for a part of the image.
+    pub fn new(crop: Rect) -> Film {
+        let mut tiles = Vec::new();
+        for y0 in (crop.y0..crop.y1).step_by(TILE_SIZE as usize) {
+            for x0 in (crop.x0..crop.x1).step_by(TILE_SIZE as usize) {
+                let rect = Rect {
+                    x0,
+                    y0,
+                    x1: crop.x1.min(x0 + TILE_SIZE),
+                    y1: crop.y1.min(y0 + TILE_SIZE),
+                };
+                tiles.push(Tile {
+                    rect,
+                    samples: 0,
+                    sums: vec![[0.0; 3]; rect.pixels() as usize],
+                });
+            }
+        }
+        Film { crop, tiles }
+    }
+
+    /// The tiles, each to be handed to one thread.
+    pub fn tiles_mut(&mut self) -> &mut [Tile] {
+        &mut self.tiles
+    }
+
+    /// The smallest and the largest number of samples of a pixel.
+    pub fn sample_range(&self) -> (u32, u32) {
+        let counts = || self.tiles.iter().map(|t| t.samples);
+        (counts().min().unwrap_or(0), counts().max().unwrap_or(0))
+    }
+
+    /// The mean of the samples of every pixel; pixels without samples are black.
+    pub fn develop(&self) -> Image<Rgb> {
+        let mut image = Image::filled(self.crop.width(), self.crop.height(), Rgb::BLACK);
+        for tile in &self.tiles {
+            let scale = 1.0 / f64::from(tile.samples.max(1));
+            for (row, sums) in tile.sums.chunks_exact(tile.rect.width() as usize).enumerate() {
+                let y = tile.rect.y0 as usize - self.crop.y0 as usize + row;
+                let start = y * self.crop.width() as usize + (tile.rect.x0 - self.crop.x0) as usize;
+                for (pixel, sum) in image.pixels[start..].iter_mut().zip(sums) {
+                    *pixel = Rgb::from(sum.map(|s| s * scale));
+                }
+            }
+        }
+        image
+    }
+
+    /// Bytes of the sums.
+    pub fn memory_bytes(&self) -> usize {
+        self.tiles.iter().map(|t| size_of_val(&*t.sums)).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cropped_film_develops_every_pixel_at_its_place() {
+        let crop = Rect {
+            x0: 5,
+            y0: 7,
+            x1: 40,
+            y1: 30,
+        };
+        let mut film = Film::new(crop);
+        for tile in film.tiles_mut() {
+            let rect = tile.rect;
+            for y in rect.y0..rect.y1 {
+                for x in rect.x0..rect.x1 {
+                    for _ in 0..2 {
+                        tile.add(x, y, Rgb::new(x as f32, y as f32, 1.0));
+                    }
+                }
+            }
+            tile.samples = 2;
+        }
+        let image = film.develop();
+        assert_eq!((image.width, image.height), (35, 23));
+        for y in 0..23 {
+            for x in 0..35 {
+                assert_eq!(*image.at(x, y), Rgb::new((x + 5) as f32, (y + 7) as f32, 1.0));
+            }
+        }
+    }
+
+    #[test]
+    fn a_million_samples_of_a_constant_average_to_it() {
+        let mut film = Film::new(Rect {
+            x0: 0,
+            y0: 0,
+            x1: 1,
+            y1: 1,
+        });
+        let tile = &mut film.tiles_mut()[0];
+        for _ in 0..1_000_000 {
+            tile.add(0, 0, Rgb::splat(0.1));
+        }
+        tile.samples = 1_000_000;
+        assert_eq!(film.develop().at(0, 0).r, 0.1);
+    }
+}

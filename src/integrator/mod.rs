@@ -1,0 +1,149 @@
+//! The estimator's settings and the choice of a kernel by what the scene requires.
+
+use crate::accel::Accel;
+use crate::light::EnvSampling;
+use crate::sampling::SamplerKind;
+use crate::scene::{Scene, SceneFeatures};
+
+mod path;
+
+pub use path::{PathTracer, RayCounts};
+
+/// Which light is computed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Lighting {
+    /// Direct and indirect: the whole rendering equation.
+    #[default]
+    Global,
+    /// Emission and one scattering event, the article's L_dir.
+    Direct,
+}
+
+/// How the direction that carries the recursion is drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BounceSampling {
+    /// By the BSDF.
+    #[default]
+    Bsdf,
+    /// By the cosine over the hemisphere. Delta lobes are still drawn by the BSDF: nothing else finds them.
+    Cosine,
+    /// Uniformly over the hemisphere, as the article does; delta lobes likewise.
+    Uniform,
+}
+
+/// How paths end.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Roulette {
+    /// By the throughput, after the first few bounces.
+    #[default]
+    Throughput,
+    /// By the depth limit alone.
+    Off,
+    /// The article's: survival with this probability in (0, 1) at every bounce.
+    Fixed(f32),
+}
+
+/// The estimator's settings. All settings but `lighting` and `max_depth` agree in the mean; only the noise differs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Largest number of scattering events: 0 is emission seen directly, 1 direct light; `None` no limit.
+    pub max_depth: Option<u32>,
+    /// Which light is computed.
+    pub lighting: Lighting,
+    /// How directions towards the environment are drawn. Takes effect when the scene is built.
+    pub env_sampling: EnvSampling,
+    /// How bounces are drawn.
+    pub bounce_sampling: BounceSampling,
+    /// Whether emitter samples and bounces that hit an emitter are combined by multiple importance sampling. Without it
+    /// emitters count through emitter samples alone, except after delta lobes, which only bounces can follow.
+    pub mis: bool,
+    /// How paths end.
+    pub roulette: Roulette,
+    /// Which random numbers.
+    pub sampler: SamplerKind,
+    /// Whether rays from smooth surfaces start on the curve that the vertex normals describe.
+    pub smooth_terminator: bool,
+    /// Seed of all random numbers.
+    pub seed: u64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings {
+            max_depth: None,
+            lighting: Lighting::Global,
+            env_sampling: EnvSampling::Importance,
+            bounce_sampling: BounceSampling::Bsdf,
+            mis: true,
+            roulette: Roulette::Throughput,
+            sampler: SamplerKind::Sobol,
+            smooth_terminator: true,
+            seed: 0,
+        }
+    }
+}
+
+impl Settings {
+    /// The article's estimator: uniform bounces, no multiple importance sampling, fixed roulette.
+    pub fn article() -> Settings {
+        Settings {
+            bounce_sampling: BounceSampling::Uniform,
+            mis: false,
+            roulette: Roulette::Fixed(0.8),
+            ..Settings::default()
+        }
+    }
+
+    /// The number of scattering events after which a path ends for certain.
+    pub(crate) fn depth_limit(&self) -> u32 {
+        let limit = self.max_depth.unwrap_or(u32::MAX);
+        match self.lighting {
+            Lighting::Global => limit,
+            Lighting::Direct => limit.min(1),
+        }
+    }
+}
+
+/// Computes one sample of one pixel: radiance, and the rays it took.
+pub type Kernel<A> = fn(&Scene, &A, &Settings, u32, u32, u32, &mut RayCounts) -> crate::math::Rgb;
+
+/// Which kernel to take.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum KernelChoice {
+    /// The smallest that has all the scene requires.
+    #[default]
+    Auto,
+    /// The one that has everything, whatever the scene requires; the image is the same.
+    General,
+}
+
+macro_rules! kernels {
+    ($($features:expr),+ $(,)?) => {
+        [$(($features, path::sample_pixel::<A, { $features.0 }>)),+]
+    };
+}
+
+/// The kernel for a scene, and the features it is compiled for.
+pub fn kernel_for<A: Accel>(scene: &Scene, choice: KernelChoice) -> (SceneFeatures, Kernel<A>) {
+    const AREA: SceneFeatures = SceneFeatures::AREA_LIGHTS;
+    const ENVIRONMENT: SceneFeatures = SceneFeatures::ENVIRONMENT;
+    const SMOOTH: SceneFeatures = SceneFeatures::SMOOTH_NORMALS;
+    const SURFACES: SceneFeatures = SMOOTH.union(SceneFeatures::SPECULAR).union(SceneFeatures::TEXTURES);
+    // From small to large; the last serves every scene.
+    let kernels: [(SceneFeatures, Kernel<A>); 6] = kernels![
+        AREA,
+        AREA.union(SMOOTH),
+        ENVIRONMENT.union(SMOOTH).union(SceneFeatures::TEXTURES),
+        AREA.union(SURFACES),
+        ENVIRONMENT.union(AREA).union(SURFACES),
+        SceneFeatures::ALL,
+    ];
+    let general = kernels[kernels.len() - 1];
+    match choice {
+        KernelChoice::General => general,
+        KernelChoice::Auto => *kernels
+            .iter()
+            .find(|(f, _)| f.contains(scene.features))
+            .unwrap_or(&general),
+    }
+}

@@ -1,0 +1,331 @@
+//! Shading data at a hit, computed from our own vertices whatever the backend, and the only ray-offset code.
+//!
+//! **Offsets.** A point computed from barycentric coordinates is off its triangle by rounding, by at most a few ulps of
+//! the largest corner coordinate on each axis (after pbrt's error bounds; the corners, not the point, because a backend
+//! computes with the corners). Rays start that far off the plane along the geometric normal. The bound is relative to the
+//! coordinates, so there is no length that suits one scene and breaks another: scaling a scene by a power of two scales
+//! every origin exactly.
+//!
+//! **Smooth normals.** Interpolated normals disagree with the flat triangle in three ways:
+//! - Where `wo` lies below the shading normal's horizon, the normal is bent towards `wo` until it does not, so that
+//!   silhouettes neither go black nor reflect from behind.
+//! - Rays start on the side of the *geometric* normal that the lobe scatters to. A reflected direction below the true
+//!   horizon then meets the surface itself: nothing leaks through.
+//! - Triangles that face away from a light which their vertex normals still see would end in a hard, faceted shadow. Rays
+//!   on the bulging side therefore start from a point lifted onto the curved surface that the vertex normals describe
+//!   (Hanika 2021, "Hacking the Shadow Terminator"). The lift is zero on flat and hollow parts and shrinks with the
+//!   square of the triangle size.
+
+use crate::accel::{Geometry, Hit, Ray};
+use crate::math::{Frame, Vec2, Vec3};
+
+/// Bound on how far a computed point is off its triangle, in units of the largest corner coordinate on each axis:
+/// 2⁻²⁰, eight ulps. Interpolation takes three roundings; instance transforms and the backends' own arithmetic the rest.
+const POSITION_ERROR: f32 = 1.0 / 1_048_576.0;
+
+/// What shading needs to know about a hit.
+#[derive(Clone, Copy, Debug)]
+pub struct SurfaceInteraction {
+    /// The point on the triangle.
+    pub p: Vec3,
+    /// Unit direction to where the ray came from.
+    pub wo: Vec3,
+    /// Unit normal of the triangle, on the side of `wo`.
+    pub ng: Vec3,
+    /// Local frame around the unit shading normal, on the side of `wo`.
+    pub frame: Frame,
+    /// Whether `wo` is on the front side: corners counter-clockwise.
+    pub front: bool,
+    /// Texture coordinates; the barycentric ones where the mesh has none.
+    pub uv: Vec2,
+    /// Per axis, how far `p` may be off the triangle.
+    pub p_error: Vec3,
+    /// From `p` to the curved surface on the side of `wo`; zero without smooth normals.
+    pub lift: Vec3,
+}
+
+/// The unit normal of a triangle by its winding, and twice its area; `None` if it has none.
+#[inline]
+pub fn face_normal([a, b, c]: [Vec3; 3]) -> Option<(Vec3, f32)> {
+    let cross = (b - a).cross(c - a);
+    let length_squared = cross.length_squared();
+    if length_squared > 1e-30 && length_squared < 1e30 {
+        let length = length_squared.sqrt();
+        return Some((cross / length, length));
+    }
+    // The squares of very small or very large edges leave the f32 range.
+    let cross = (b.as_dvec3() - a.as_dvec3()).cross(c.as_dvec3() - a.as_dvec3());
+    let normal = cross.try_normalize()?;
+    Some((normal.as_vec3(), cross.length() as f32))
+}
+
+/// How far a point of this triangle may be off it, per axis.
+#[inline]
+pub fn position_error([a, b, c]: [Vec3; 3]) -> Vec3 {
+    a.abs().max(b.abs()).max(c.abs()) * POSITION_ERROR
+}
+
+/// Moves a point off its triangle to the side that the unit vector `n` (plus or minus its normal) points to.
+#[inline]
+pub fn offset_point(p: Vec3, p_error: Vec3, n: Vec3) -> Vec3 {
+    let offset = n * n.abs().dot(p_error);
+    // The sum is rounded to nearest: one more ulp outwards keeps it from falling back.
+    let outwards = |sum: f32, offset: f32| {
+        if offset > 0.0 {
+            sum.next_up()
+        } else if offset < 0.0 {
+            sum.next_down()
+        } else {
+            sum
+        }
+    };
+    let moved = p + offset;
+    Vec3::new(
+        outwards(moved.x, offset.x),
+        outwards(moved.y, offset.y),
+        outwards(moved.z, offset.z),
+    )
+}
+
+/// Texture coordinates at a hit; the barycentric ones where the mesh has none.
+#[inline]
+pub fn texture_coordinates(geometry: &Geometry, hit: &Hit) -> Vec2 {
+    let mesh = &*geometry.meshes[geometry.placements[hit.placement as usize].mesh as usize];
+    if mesh.uvs.is_empty() {
+        return Vec2::new(hit.u, hit.v);
+    }
+    let [a, b, c] = mesh.indices[hit.triangle as usize].map(|i| mesh.uvs[i as usize]);
+    a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v
+}
+
+impl SurfaceInteraction {
+    /// Shading data of `hit`, seen along `-wo`. `SMOOTH` allows vertex normals; `lift` the shadow terminator's remedy.
+    /// `None` for a triangle without area, which has no normal to shade with.
+    #[inline]
+    pub fn new<const SMOOTH: bool>(geometry: &Geometry, hit: &Hit, wo: Vec3, lift: bool) -> Option<SurfaceInteraction> {
+        let placement = &geometry.placements[hit.placement as usize];
+        let mesh = &*geometry.meshes[placement.mesh as usize];
+        let corners = geometry.world_triangle(hit.placement, hit.triangle);
+        let indices = mesh.indices[hit.triangle as usize].map(|i| i as usize);
+        let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
+        let p = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
+
+        let (mut winding, _) = face_normal(corners)?;
+        if placement.to_world.is_some_and(|m| m.matrix3.determinant() < 0.0) {
+            winding = -winding;
+        }
+        let front = wo.dot(winding) >= 0.0;
+        let ng = if front { winding } else { -winding };
+
+        let mut ns = ng;
+        let mut lifted = Vec3::ZERO;
+        if SMOOTH && !mesh.normals.is_empty() {
+            let mut normals = indices.map(|i| mesh.normals[i]);
+            if let Some(to_world) = &placement.to_world {
+                // The cofactor matrix: the inverse transpose up to a positive factor and the sign of a mirroring.
+                let m = to_world.matrix3;
+                let cofactor = |n: Vec3| {
+                    let v = Vec3::from(m.y_axis.cross(m.z_axis)) * n.x
+                        + Vec3::from(m.z_axis.cross(m.x_axis)) * n.y
+                        + Vec3::from(m.x_axis.cross(m.y_axis)) * n.z;
+                    (v * m.determinant().signum()).try_normalize().unwrap_or(Vec3::ZERO)
+                };
+                normals = normals.map(cofactor);
+            }
+            // A normal that could not be repaired is zero: the face normal serves for its whole triangle.
+            if !normals.contains(&Vec3::ZERO) {
+                let side = if front { 1.0 } else { -1.0 };
+                let interpolated = normals[0] * weights[0] + normals[1] * weights[1] + normals[2] * weights[2];
+                ns = bend_towards((interpolated * side).try_normalize().unwrap_or(ng), wo);
+                if lift {
+                    for ((corner, normal), weight) in corners.iter().zip(normals).zip(weights) {
+                        let normal = normal * side;
+                        let below = (p - *corner).dot(normal).min(0.0);
+                        lifted -= normal * (below * weight);
+                    }
+                }
+            }
+        }
+        Some(SurfaceInteraction {
+            p,
+            wo,
+            ng,
+            frame: Frame::from_normal(ns),
+            front,
+            uv: texture_coordinates(geometry, hit),
+            p_error: position_error(corners),
+            lift: lifted,
+        })
+    }
+
+    /// Where rays to the given side start: that of `wo`, or the opposite one.
+    #[inline]
+    pub fn origin(&self, transmitted: bool) -> Vec3 {
+        if transmitted {
+            offset_point(self.p, self.p_error, -self.ng)
+        } else {
+            offset_point(self.p + self.lift, self.p_error, self.ng)
+        }
+    }
+
+    /// An unbounded ray from this point.
+    #[inline]
+    pub fn spawn_ray(&self, direction: Vec3, transmitted: bool) -> Ray {
+        Ray::new(self.origin(transmitted), direction)
+    }
+
+    /// The segment from this point to `target`, which must be off its own surface already. `None` if they coincide.
+    #[inline]
+    pub fn spawn_ray_to(&self, target: Vec3, transmitted: bool) -> Option<Ray> {
+        let origin = self.origin(transmitted);
+        let (direction, t_max) = (target - origin).normalize_and_length();
+        (t_max > 0.0 && t_max.is_finite()).then_some(Ray {
+            origin,
+            direction,
+            t_min: 0.0,
+            t_max,
+        })
+    }
+}
+
+/// Turns the unit normal `ns` towards the unit vector `wo` until the angle between them is less than a right one.
+#[inline]
+fn bend_towards(ns: Vec3, wo: Vec3) -> Vec3 {
+    /// The cosine that is left; small enough to move no highlight, large enough that dividing by it is harmless.
+    const MIN_COS: f32 = 1e-3;
+    let cos = ns.dot(wo);
+    if cos >= MIN_COS {
+        ns
+    } else {
+        (ns + wo * (MIN_COS - cos)).try_normalize().unwrap_or(wo)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::accel::Placement;
+    use crate::mesh::TriangleMesh;
+    use glam::Affine3A;
+    use std::sync::Arc;
+
+    fn geometry(mesh: TriangleMesh, to_world: Option<Affine3A>) -> Geometry {
+        Geometry {
+            meshes: vec![Arc::new(mesh)],
+            placements: vec![Placement { mesh: 0, to_world }],
+        }
+    }
+
+    fn bulging_triangle() -> TriangleMesh {
+        TriangleMesh {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            normals: [(-0.3, -0.3), (0.5, -0.3), (-0.3, 0.5)]
+                .map(|(x, y)| Vec3::new(x, y, 1.0).normalize())
+                .to_vec(),
+            indices: vec![[0, 1, 2]],
+            ..TriangleMesh::default()
+        }
+    }
+
+    const HIT: Hit = Hit {
+        t: 1.0,
+        placement: 0,
+        triangle: 0,
+        u: 0.3,
+        v: 0.3,
+    };
+
+    #[test]
+    fn normals_face_the_viewer_on_both_sides() {
+        let geometry = geometry(bulging_triangle(), None);
+        for (wo, front) in [(Vec3::Z, true), (Vec3::NEG_Z, false)] {
+            let si = SurfaceInteraction::new::<true>(&geometry, &HIT, wo, true).unwrap();
+            assert_eq!(si.front, front);
+            assert!(si.ng.dot(wo) > 0.0 && si.frame.n.dot(wo) > 0.0);
+        }
+    }
+
+    #[test]
+    fn the_lift_rises_on_the_bulging_side_and_is_zero_on_the_hollow_one() {
+        let geometry = geometry(bulging_triangle(), None);
+        let lift = |wo, lift| SurfaceInteraction::new::<true>(&geometry, &HIT, wo, lift).unwrap().lift;
+        assert!(lift(Vec3::Z, true).z > 0.0);
+        assert_eq!(lift(Vec3::NEG_Z, true), Vec3::ZERO);
+        assert_eq!(lift(Vec3::Z, false), Vec3::ZERO);
+    }
+
+    #[test]
+    fn the_shading_normal_never_faces_away_from_the_viewer() {
+        let geometry = geometry(bulging_triangle(), None);
+        for i in 0..100 {
+            let angle = i as f32 * 0.0628;
+            let wo = Vec3::new(angle.cos(), angle.sin(), 0.01).normalize();
+            let si = SurfaceInteraction::new::<true>(&geometry, &HIT, wo, true).unwrap();
+            assert!(si.frame.n.dot(wo) > 0.0);
+        }
+    }
+
+    #[test]
+    fn an_instance_shades_as_the_same_mesh_in_world_coordinates() {
+        for scale in [Vec3::new(2.0, 0.5, 3.0), Vec3::new(-1.0, 2.0, 0.7)] {
+            let to_world = Affine3A::from_scale_rotation_translation(
+                scale,
+                glam::Quat::from_rotation_x(0.7),
+                Vec3::new(1.0, -2.0, 3.0),
+            );
+            let wide = crate::math::DAffine3::from_mat4(glam::Mat4::from(to_world).as_dmat4());
+            let instance = geometry(bulging_triangle(), Some(to_world));
+            let baked = geometry(bulging_triangle().transformed(&wide), None);
+            // Mirroring swaps the second and the third corner of the baked mesh.
+            let baked_hit = if scale.x < 0.0 {
+                Hit {
+                    u: HIT.v,
+                    v: HIT.u,
+                    ..HIT
+                }
+            } else {
+                HIT
+            };
+            let wo = Vec3::new(0.3, 0.8, 0.4).normalize();
+            let a = SurfaceInteraction::new::<true>(&instance, &HIT, wo, true).unwrap();
+            let b = SurfaceInteraction::new::<true>(&baked, &baked_hit, wo, true).unwrap();
+            assert_eq!(a.front, b.front);
+            for (x, y) in [(a.p, b.p), (a.ng, b.ng), (a.frame.n, b.frame.n), (a.lift, b.lift)] {
+                assert!((x - y).length() < 1e-5, "{x} {y}");
+            }
+        }
+    }
+
+    #[test]
+    fn origins_scale_exactly_with_powers_of_two() {
+        let si = |scale: f32| {
+            let mesh = TriangleMesh {
+                positions: [
+                    Vec3::new(0.1, 0.2, 0.3),
+                    Vec3::new(1.3, -0.2, 0.9),
+                    Vec3::new(0.4, 1.1, -0.7),
+                ]
+                .map(|p| p * scale)
+                .to_vec(),
+                indices: vec![[0, 1, 2]],
+                ..TriangleMesh::default()
+            };
+            SurfaceInteraction::new::<false>(&geometry(mesh, None), &HIT, Vec3::Z, false)
+                .unwrap()
+                .origin(false)
+        };
+        for exponent in [-20, -3, 5, 20] {
+            let scale = 2f32.powi(exponent);
+            assert_eq!(si(scale), si(1.0) * scale);
+        }
+    }
+
+    #[test]
+    fn a_triangle_without_area_has_no_normal() {
+        assert!(face_normal([Vec3::ZERO, Vec3::X, Vec3::X * 2.0]).is_none());
+        for scale in [1e-18f32, 1e-9, 1.0, 1e9, 1e18] {
+            let (normal, _) = face_normal([Vec3::ZERO, Vec3::X * scale, Vec3::Y * scale]).unwrap();
+            assert!((normal - Vec3::Z).length() < 1e-6, "{scale}");
+        }
+    }
+}

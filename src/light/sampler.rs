@@ -1,0 +1,136 @@
+//! The choice between emitters: one alias table over all emitting triangles and the environment, by power.
+
+use super::{AreaLight, Emission, Environment, LightSample};
+use crate::math::{Rgb, Vec3};
+use crate::sampling::{AliasTable, Dimension, Sampler};
+
+/// Draws directions towards emitters and knows the density of any direction.
+#[derive(Clone, Debug, Default)]
+pub struct LightSampler {
+    areas: Vec<AreaLight>,
+    environment: Option<Environment>,
+    /// Absent if there is nothing to choose from.
+    table: Option<AliasTable>,
+    environment_pmf: f32,
+}
+
+/// Collects the emitters of a scene.
+#[derive(Clone, Debug, Default)]
+pub struct LightSamplerBuilder {
+    areas: Vec<AreaLight>,
+    weights: Vec<f64>,
+}
+
+impl LightSamplerBuilder {
+    /// Number of triangles so far: the index that the next one gets.
+    pub fn len(&self) -> usize {
+        self.areas.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.areas.is_empty()
+    }
+
+    /// Adds an emitting triangle in world coordinates, its corners counter-clockwise from the front.
+    pub fn push(&mut self, corners: [Vec3; 3], emission: Emission) {
+        let light = AreaLight::new(corners, emission);
+        self.weights.push(light.area() * emission.exitance());
+        self.areas.push(light);
+    }
+
+    /// Builds the table. `radius` is that of a sphere around the scene: through its cross-section comes the
+    /// environment's power. Emitters without power are never drawn.
+    pub fn build(self, environment: Option<Environment>, radius: f64) -> LightSampler {
+        let LightSamplerBuilder { mut areas, mut weights } = self;
+        if let Some(environment) = &environment {
+            weights.push(std::f64::consts::PI * radius * radius * environment.fluence());
+        }
+        let table = AliasTable::new(weights.iter().copied());
+        let mut environment_pmf = 0.0;
+        if let Some(table) = &table {
+            let pmf = table.implied_pmf();
+            for (light, pmf) in areas.iter_mut().zip(&pmf) {
+                let area = light.area();
+                light.pdf_a = if area > 0.0 { (pmf / area) as f32 } else { 0.0 };
+            }
+            environment_pmf = pmf.get(areas.len()).map_or(0.0, |&pmf| pmf as f32);
+        }
+        LightSampler {
+            areas,
+            environment,
+            table,
+            environment_pmf,
+        }
+    }
+}
+
+impl LightSampler {
+    /// Number of emitters: triangles, and one for the environment.
+    pub fn len(&self) -> usize {
+        self.areas.len() + usize::from(self.environment.is_some())
+    }
+
+    /// Whether there are no emitters at all.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The environment, if the scene has one.
+    pub fn environment(&self) -> Option<&Environment> {
+        self.environment.as_ref()
+    }
+
+    /// Draws an emitter and a direction towards it from `p`. `AREA` and `ENVIRONMENT` say which kinds the scene has.
+    /// `None` if the draw carries no light.
+    #[inline]
+    pub fn sample<const AREA: bool, const ENVIRONMENT: bool>(&self, p: Vec3, sampler: &Sampler) -> Option<LightSample> {
+        let table = self.table.as_ref()?;
+        // An environment alone needs no choice.
+        let choice = if AREA {
+            table.sample(sampler.get_u64(Dimension::LightChoice)) as usize
+        } else {
+            self.areas.len()
+        };
+        let u = sampler.get_2d(Dimension::LightPosition);
+        if AREA && choice < self.areas.len() {
+            return self.areas[choice].sample(p, u);
+        }
+        if !ENVIRONMENT {
+            return None;
+        }
+        let environment = self.environment.as_ref()?;
+        let (wi, radiance, pdf_w) = environment.sample(sampler.get_u64(Dimension::Texel), u);
+        let pdf_w = pdf_w * self.environment_pmf;
+        (pdf_w > 0.0 && pdf_w.is_finite() && !radiance.is_black()).then_some(LightSample {
+            wi,
+            radiance,
+            pdf_w,
+            target: None,
+        })
+    }
+
+    /// Density [1/sr] with which [`LightSampler::sample`] draws the direction to a point on an emitting triangle, at
+    /// this squared distance and under this cosine on the light.
+    #[inline]
+    pub fn area_pdf_w(&self, light: u32, distance_squared: f32, cos: f32) -> f32 {
+        self.areas[light as usize].pdf_w(distance_squared, cos)
+    }
+
+    /// Radiance of the environment from `wi`, and the density [1/sr] with which [`LightSampler::sample`] draws it.
+    #[inline]
+    pub fn environment_eval(&self, wi: Vec3) -> (Rgb, f32) {
+        match &self.environment {
+            Some(environment) => {
+                let (radiance, pdf_w) = environment.eval(wi);
+                (radiance, pdf_w * self.environment_pmf)
+            }
+            None => (Rgb::BLACK, 0.0),
+        }
+    }
+
+    /// Bytes of the triangles and of the choice table; the environment counts for itself.
+    pub fn memory_bytes(&self) -> usize {
+        size_of_val(&*self.areas) + self.table.as_ref().map_or(0, AliasTable::memory_bytes)
+    }
+}

@@ -1,0 +1,121 @@
+//! Rendering a film: tiles × samples on the threads of the current rayon pool.
+
+use crate::accel::Accel;
+use crate::film::{Film, Rect};
+use crate::integrator::{Kernel, RayCounts, Settings};
+use crate::scene::Scene;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Most samples of a pixel between two looks at the rest of the image: bounds what an interruption waits for, and how
+/// uneven the image is that it leaves.
+const MAX_PASS: u32 = 16;
+
+/// What to render.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Job {
+    /// Part of the image.
+    pub crop: Rect,
+    /// Samples of every pixel.
+    pub spp: u32,
+    /// The estimator.
+    pub settings: Settings,
+}
+
+/// A sample that was not a finite number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+pub struct SampleId {
+    /// Index of the sample.
+    pub sample: u32,
+    /// Row of the full image.
+    pub y: u32,
+    /// Column of the full image.
+    pub x: u32,
+}
+
+/// Samples left out of the film because they were NaN or infinite: each counts as black.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct DroppedSamples {
+    /// How many.
+    pub count: u64,
+    /// The first of them, by sample, row and column: enough to compute it again.
+    pub first: Option<SampleId>,
+}
+
+/// What a render did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RenderReport {
+    /// Rays by purpose.
+    pub rays: RayCounts,
+    /// Samples that were not finite.
+    pub dropped: DroppedSamples,
+    /// Camera paths traced.
+    pub paths: u64,
+}
+
+impl RenderReport {
+    fn plus(self, other: RenderReport) -> RenderReport {
+        RenderReport {
+            rays: self.rays.plus(other.rays),
+            dropped: DroppedSamples {
+                count: self.dropped.count + other.dropped.count,
+                first: self.dropped.first.into_iter().chain(other.dropped.first).min(),
+            },
+            paths: self.paths + other.paths,
+        }
+    }
+}
+
+/// Renders `job` into a film. Samples are taken in passes over the whole image, each pixel's in ascending order, so that
+/// the film is the same for any number of threads.
+///
+/// `stop` is asked before every tile; once it says yes, what is done is returned. `progress` is told the number of paths
+/// traced so far, from any thread.
+pub fn render<A: Accel>(
+    scene: &Scene,
+    accel: &A,
+    kernel: Kernel<A>,
+    job: &Job,
+    stop: &(dyn Fn() -> bool + Sync),
+    progress: &(dyn Fn(u64) + Sync),
+) -> (Film, RenderReport) {
+    let mut film = Film::new(job.crop);
+    let mut report = RenderReport::default();
+    let done = AtomicU64::new(0);
+    let mut start = 0;
+    while start < job.spp && !stop() {
+        // 1, 1, 2, 4, ...: a first look at once, then longer passes.
+        let pass = start.clamp(1, MAX_PASS).min(job.spp - start);
+        let render_tile = |tile: &mut crate::film::Tile| {
+            let mut report = RenderReport::default();
+            if stop() {
+                return report;
+            }
+            let rect = tile.rect;
+            for y in rect.y0..rect.y1 {
+                for x in rect.x0..rect.x1 {
+                    for sample in start..start + pass {
+                        let radiance = kernel(scene, accel, &job.settings, x, y, sample, &mut report.rays);
+                        if radiance.is_finite() {
+                            tile.add(x, y, radiance);
+                        } else {
+                            let dropped = SampleId { sample, y, x };
+                            report.dropped.count += 1;
+                            report.dropped.first = Some(report.dropped.first.map_or(dropped, |f| f.min(dropped)));
+                        }
+                    }
+                }
+            }
+            tile.samples += pass;
+            report.paths = rect.pixels() * u64::from(pass);
+            progress(done.fetch_add(report.paths, Ordering::Relaxed) + report.paths);
+            report
+        };
+        let pass_report =
+            film.tiles_mut().par_iter_mut().map(render_tile).reduce(RenderReport::default, RenderReport::plus);
+        report = report.plus(pass_report);
+        start += pass;
+    }
+    (film, report)
+}

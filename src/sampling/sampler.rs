@@ -1,0 +1,243 @@
+//! Counter-based random numbers with named dimensions.
+//!
+//! A number depends on (seed, pixel, sample index, dimension) alone: there is no state that threads, tile order or an
+//! unused feature could shift. The default is a padded (0, 2)-sequence: each named dimension pair draws from the first
+//! two Sobol dimensions, with an own hashed Owen scrambling and an own shuffle of the sample index (Burley 2020,
+//! "Practical Hash-based Owen Scrambling"). Any prefix whose length is a power of two is stratified, and every prefix is
+//! unbiased.
+
+/// Which random numbers to draw.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SamplerKind {
+    /// Owen-scrambled Sobol points, padded by pairs of dimensions.
+    #[default]
+    Sobol,
+    /// Independent uniform numbers.
+    Independent,
+}
+
+/// What a random number is used for. Each name owns one pair of dimensions per bounce, whether used or not, so that a
+/// scene without a feature draws the same numbers for the others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Dimension {
+    /// Position within the pixel.
+    Pixel,
+    /// Position on the lens.
+    Lens,
+    /// Which emitter.
+    LightChoice,
+    /// Which texel of the environment.
+    Texel,
+    /// Where on the emitter or in the texel.
+    LightPosition,
+    /// Which lobe of the BSDF.
+    Lobe,
+    /// Where on the lobe.
+    Direction,
+    /// Russian roulette.
+    Roulette,
+    /// Passing through a partly transparent surface on the bounce ray; further surfaces take further dimensions.
+    Opacity,
+}
+
+/// Dimensions between two bounces. Larger than the number of names; the rest serves repeated [`Dimension::Opacity`].
+const BOUNCE_STRIDE: u32 = 64;
+
+/// The random numbers of one sample of one pixel.
+#[derive(Clone, Copy, Debug)]
+pub struct Sampler {
+    kind: SamplerKind,
+    key: u64,
+    index: u32,
+    bounce: u32,
+}
+
+impl Sampler {
+    /// The numbers of sample `index` of the pixel in column `x`, row `y` of the full image.
+    #[inline]
+    pub fn new(kind: SamplerKind, seed: u64, x: u32, y: u32, index: u32) -> Sampler {
+        let pixel = u64::from(y) << 32 | u64::from(x);
+        Sampler {
+            kind,
+            key: mix(mix(seed ^ 0x5851_F42D_4C95_7F2D) ^ pixel),
+            index,
+            bounce: 0,
+        }
+    }
+
+    /// Moves on to the dimensions of the given bounce (0 = camera ray and first vertex).
+    #[inline]
+    pub fn set_bounce(&mut self, bounce: u32) {
+        self.bounce = bounce;
+    }
+
+    /// Two numbers in [0, 1).
+    #[inline]
+    pub fn get_2d(&self, dimension: Dimension) -> [f32; 2] {
+        self.bits(dimension as u32).map(unit_f32)
+    }
+
+    /// One number in [0, 1).
+    #[inline]
+    pub fn get_1d(&self, dimension: Dimension) -> f32 {
+        unit_f32(self.bits(dimension as u32)[0])
+    }
+
+    /// 64 bits for a discrete choice. The high half is stratified, the low half only refines it.
+    #[inline]
+    pub fn get_u64(&self, dimension: Dimension) -> u64 {
+        let [high, low] = self.bits(dimension as u32);
+        u64::from(high) << 32 | u64::from(low)
+    }
+
+    /// A number in [0, 1) for the `n`-th partly transparent surface that a ray of this bounce meets.
+    #[inline]
+    pub fn get_opacity(&self, n: u32) -> f32 {
+        unit_f32(self.bits(Dimension::Opacity as u32 + n)[0])
+    }
+
+    #[inline]
+    fn bits(&self, offset: u32) -> [u32; 2] {
+        let dimension = u64::from(self.bounce) * u64::from(BOUNCE_STRIDE) + u64::from(offset);
+        match self.kind {
+            SamplerKind::Sobol => {
+                let h = mix(self.key ^ dimension.wrapping_mul(0x9E37_79B9_7F4A_7C15));
+                let (shuffle, scramble) = (h as u32, (h >> 32) as u32);
+                let index = owen(self.index.reverse_bits(), shuffle).reverse_bits();
+                [
+                    owen(index, scramble).reverse_bits(),
+                    owen(
+                        pascal(index),
+                        scramble.wrapping_mul(0x9E37_79B1) ^ shuffle.rotate_left(16),
+                    )
+                    .reverse_bits(),
+                ]
+            }
+            SamplerKind::Independent => {
+                let h = mix(self.key ^ mix(dimension << 32 | u64::from(self.index)));
+                [h as u32, (h >> 32) as u32]
+            }
+        }
+    }
+}
+
+/// A 64-bit finaliser of full avalanche (SplitMix64's, Steele et al. 2014).
+#[inline]
+fn mix(x: u64) -> u64 {
+    let x = x.wrapping_add(0x9E37_79B9_7F4A_7C15);
+    let x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    x ^ (x >> 31)
+}
+
+/// Owen scrambling of a bit-reversed number: each bit is flipped by a hash of the bits below it (Laine and Karras 2011,
+/// in the form with better constants that Burley 2020 points to).
+#[inline]
+fn owen(mut x: u32, seed: u32) -> u32 {
+    x ^= x.wrapping_mul(0x3D20_ADEA);
+    x = x.wrapping_add(seed);
+    x = x.wrapping_mul((seed >> 16) | 1);
+    x ^= x.wrapping_mul(0x0552_6C56);
+    x ^= x.wrapping_mul(0x53A2_2864);
+    x
+}
+
+/// The second Sobol dimension of an index, bit-reversed. Its generator matrix is Pascal's triangle modulo 2: digit `j` is
+/// the exclusive or of the index bits `k` whose binary digits include those of `j`, five masked shifts.
+#[inline]
+fn pascal(mut x: u32) -> u32 {
+    x ^= (x >> 1) & 0x5555_5555;
+    x ^= (x >> 2) & 0x3333_3333;
+    x ^= (x >> 4) & 0x0F0F_0F0F;
+    x ^= (x >> 8) & 0x00FF_00FF;
+    x ^= (x >> 16) & 0x0000_FFFF;
+    x
+}
+
+/// The 24 high bits as a float in [0, 1): never 1.
+#[inline]
+fn unit_f32(bits: u32) -> f32 {
+    (bits >> 8) as f32 * (1.0 / 16_777_216.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_second_dimension_follows_the_sobol_direction_numbers() {
+        for index in (0u32..4096).chain([0xDEAD_BEEF, u32::MAX]) {
+            let (mut expected, mut direction) = (0u32, 1u32 << 31);
+            for k in 0..32 {
+                if index >> k & 1 == 1 {
+                    expected ^= direction;
+                }
+                direction ^= direction >> 1;
+            }
+            assert_eq!(pascal(index).reverse_bits(), expected, "index {index}");
+        }
+    }
+
+    #[test]
+    fn every_elementary_interval_holds_one_point_of_a_power_of_two_prefix() {
+        for log_n in [2, 4, 7, 10] {
+            let n = 1u32 << log_n;
+            for (x, y, seed, dimension) in [(0, 0, 0, Dimension::Pixel), (17, 3, 9, Dimension::Direction)] {
+                let points: Vec<[f32; 2]> = (0..n)
+                    .map(|i| Sampler::new(SamplerKind::Sobol, seed, x, y, i).get_2d(dimension))
+                    .collect();
+                for split in 0..=log_n {
+                    let mut seen = vec![false; n as usize];
+                    for [a, b] in &points {
+                        let column = (a * (1u32 << split) as f32) as usize;
+                        let row = (b * (1u32 << (log_n - split)) as f32) as usize;
+                        let cell = row << split | column;
+                        assert!(!seen[cell], "2^{log_n} points, {split} splits: two in one cell");
+                        seen[cell] = true;
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn numbers_depend_on_every_part_of_their_key_and_on_nothing_else() {
+        for kind in [SamplerKind::Sobol, SamplerKind::Independent] {
+            let base = Sampler::new(kind, 1, 2, 3, 4).get_2d(Dimension::Direction);
+            assert_eq!(base, Sampler::new(kind, 1, 2, 3, 4).get_2d(Dimension::Direction));
+            let mut other_bounce = Sampler::new(kind, 1, 2, 3, 4);
+            other_bounce.set_bounce(1);
+            for other in [
+                Sampler::new(kind, 0, 2, 3, 4).get_2d(Dimension::Direction),
+                Sampler::new(kind, 1, 3, 2, 4).get_2d(Dimension::Direction),
+                Sampler::new(kind, 1, 2, 4, 4).get_2d(Dimension::Direction),
+                Sampler::new(kind, 1, 2, 3, 5).get_2d(Dimension::Direction),
+                Sampler::new(kind, 1, 2, 3, 4).get_2d(Dimension::Lobe),
+                other_bounce.get_2d(Dimension::Direction),
+            ] {
+                assert_ne!(base, other);
+            }
+        }
+    }
+
+    #[test]
+    fn pixels_and_dimensions_are_uncorrelated() {
+        // Mean of (u - 1/2)(v - 1/2) over n pairs has standard deviation 1 / (12 sqrt n); five of them are allowed.
+        for kind in [SamplerKind::Sobol, SamplerKind::Independent] {
+            let n = 65_536u32;
+            let (mut across_dimensions, mut across_pixels) = (0.0, 0.0);
+            for i in 0..n {
+                let a = Sampler::new(kind, 5, i % 256, i / 256, 3);
+                let b = Sampler::new(kind, 5, i % 256 + 1, i / 256, 3);
+                let centred = |u: f32| f64::from(u) - 0.5;
+                let u = centred(a.get_1d(Dimension::Roulette));
+                across_dimensions += u * centred(a.get_1d(Dimension::Lobe));
+                across_pixels += u * centred(b.get_1d(Dimension::Roulette));
+            }
+            let bound = 5.0 / (12.0 * f64::from(n).sqrt());
+            assert!((across_dimensions / f64::from(n)).abs() < bound, "{kind:?}: dimensions");
+            assert!((across_pixels / f64::from(n)).abs() < bound, "{kind:?}: pixels");
+        }
+    }
+}

@@ -1,0 +1,271 @@
+//! From description to the immutable scene that is rendered.
+
+use super::desc::{EnvironmentDesc, ObjectDesc, SceneDesc};
+use super::features::SceneFeatures;
+use crate::accel::{Geometry, Placement};
+use crate::camera::{Camera, CameraError};
+use crate::light::Emission;
+use crate::light::{EnvSampling, Environment, EnvironmentError, LightSampler, LightSamplerBuilder};
+use crate::material::Material;
+use crate::math::DAffine3;
+use crate::mesh::TriangleMesh;
+use crate::texture::Texture;
+use rayon::prelude::*;
+use std::sync::Arc;
+use thiserror::Error;
+
+/// Up to this many triangles in total, meshes that stand in several places are copied to each of them: one flat
+/// structure is traversed faster than instances. Above it they share their triangles.
+const FLATTEN_LIMIT: usize = 1 << 22;
+
+/// What a surface does with light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surface {
+    /// Index into [`Scene::materials`].
+    pub material: u32,
+    /// Emission, and the index of the first triangle among the lights.
+    pub emission: Option<(Emission, u32)>,
+}
+
+/// Everything that rendering reads, except the acceleration structure.
+#[derive(Debug)]
+pub struct Scene {
+    /// The view.
+    pub camera: Camera,
+    /// Meshes and where they stand.
+    pub geometry: Geometry,
+    /// What each placement does with light.
+    pub surfaces: Vec<Surface>,
+    /// Materials by index.
+    pub materials: Vec<Material>,
+    /// Bitmaps by index.
+    pub textures: Vec<Texture>,
+    /// Emitters.
+    pub lights: LightSampler,
+    /// What the scene requires.
+    pub features: SceneFeatures,
+    /// Path length that the scene asks for.
+    pub max_depth: Option<u32>,
+    /// Hash of the description.
+    pub hash: String,
+}
+
+/// How to build.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SceneOptions {
+    /// How the environment will be sampled: uniform sampling needs no table.
+    pub env_sampling: EnvSampling,
+    /// Whether repeated meshes share their triangles.
+    pub instancing: Instancing,
+}
+
+/// Whether meshes that stand in several places are instanced.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Instancing {
+    /// When copies would make the scene large.
+    #[default]
+    Auto,
+    /// Always, for meshes that stand in more than one place.
+    Always,
+    /// Never.
+    Never,
+}
+
+/// Why a description is no scene.
+#[derive(Debug, Error, PartialEq)]
+pub enum SceneError {
+    /// The camera cannot be.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    /// The environment cannot be.
+    #[error("environment: {0}")]
+    Environment(#[from] EnvironmentError),
+    /// A transform cannot be inverted.
+    #[error("meshes[{0}].transform: the matrix is singular or not finite; it would flatten the mesh")]
+    Transform(usize),
+    /// A transform moves a vertex out of the range of f32.
+    #[error("meshes[{0}].transform: it moves a vertex beyond what 32-bit coordinates can hold")]
+    Overflow(usize),
+    /// More placements or triangles than 32-bit indices can name.
+    #[error("the scene has more than 2^32 {0}")]
+    TooMany(&'static str),
+}
+
+impl Scene {
+    /// Bakes a description.
+    ///
+    /// # Errors
+    /// A camera, transform or environment that cannot be rendered; see [`SceneError`].
+    pub fn build(desc: SceneDesc, options: SceneOptions) -> Result<Scene, SceneError> {
+        let camera = Camera::new(&desc.camera)?;
+        for (i, object) in desc.objects.iter().enumerate() {
+            if !is_invertible(&object.to_world) {
+                return Err(SceneError::Transform(i));
+            }
+        }
+        let geometry = place(desc.meshes, &desc.objects, options.instancing);
+        for (i, placement) in geometry.placements.iter().enumerate() {
+            let mesh = &geometry.meshes[placement.mesh as usize];
+            let moved = placement.to_world.unwrap_or(glam::Affine3A::IDENTITY);
+            if !mesh
+                .positions
+                .par_iter()
+                .all(|p| moved.transform_point3(*p).is_finite())
+            {
+                return Err(SceneError::Overflow(i));
+            }
+        }
+        let materials: Vec<Material> = desc.materials.iter().map(|(_, material)| *material).collect();
+
+        let mut lights = LightSamplerBuilder::default();
+        let mut surfaces = Vec::with_capacity(desc.objects.len());
+        for (placement, object) in desc.objects.iter().enumerate() {
+            let emission = object.emission.filter(|e| !e.radiance.is_black()).map(|emission| {
+                let first = lights.len() as u32;
+                let mesh = &geometry.meshes[geometry.placements[placement].mesh as usize];
+                let mirrored = geometry.placements[placement]
+                    .to_world
+                    .is_some_and(|m| m.matrix3.determinant() < 0.0);
+                for triangle in 0..mesh.indices.len() as u32 {
+                    let [a, b, c] = geometry.world_triangle(placement as u32, triangle);
+                    lights.push(if mirrored { [a, c, b] } else { [a, b, c] }, emission);
+                }
+                (emission, first)
+            });
+            surfaces.push(Surface {
+                material: object.material as u32,
+                emission,
+            });
+        }
+        if u32::try_from(lights.len()).is_err() {
+            return Err(SceneError::TooMany("emitting triangles"));
+        }
+
+        let environment = match desc.environment {
+            None => None,
+            Some(EnvironmentDesc::Constant(radiance)) => {
+                (!radiance.is_black()).then_some(Environment::Constant(radiance))
+            }
+            Some(EnvironmentDesc::Map {
+                image,
+                scale,
+                rotation_degrees,
+            }) => Some(Environment::from_map(
+                &image,
+                scale,
+                rotation_degrees,
+                options.env_sampling,
+            )?),
+        };
+        let radius = geometry
+            .bounds()
+            .map_or(1.0, |(lo, hi)| 0.5 * (hi.as_dvec3() - lo.as_dvec3()).length());
+
+        let used =
+            |condition: fn(&Material) -> bool| surfaces.iter().any(|s| condition(&materials[s.material as usize]));
+        let features = SceneFeatures::ENVIRONMENT
+            .when(environment.is_some())
+            .union(SceneFeatures::AREA_LIGHTS.when(!lights.is_empty()))
+            .union(SceneFeatures::TEXTURES.when(used(|m| m.textures().next().is_some())))
+            .union(SceneFeatures::SMOOTH_NORMALS.when(geometry.meshes.iter().any(|m| !m.normals.is_empty())))
+            .union(SceneFeatures::SPECULAR.when(used(|m| !m.is_diffuse())))
+            .union(SceneFeatures::CUTOUTS.when(used(|m| m.opacity.is_some())));
+        Ok(Scene {
+            camera,
+            lights: lights.build(environment, radius),
+            geometry,
+            surfaces,
+            materials,
+            textures: desc.textures,
+            features,
+            max_depth: desc.max_depth,
+            hash: desc.hash,
+        })
+    }
+
+    /// Triangles of all placements, instances counted each.
+    pub fn triangles(&self) -> u64 {
+        self.geometry
+            .placements
+            .iter()
+            .map(|p| self.geometry.meshes[p.mesh as usize].indices.len() as u64)
+            .sum()
+    }
+
+    /// Placements that share a mesh by a transform.
+    pub fn instances(&self) -> usize {
+        self.geometry.placements.iter().filter(|p| p.to_world.is_some()).count()
+    }
+
+    /// Bytes by part, in the order of their names.
+    pub fn memory_by_part(&self) -> Vec<(&'static str, usize)> {
+        let (environment, environment_table) = self.lights.environment().map_or((0, 0), Environment::memory_bytes);
+        vec![
+            ("meshes", self.geometry.meshes.iter().map(|m| m.memory_bytes()).sum()),
+            ("textures", self.textures.iter().map(Texture::memory_bytes).sum()),
+            ("environment", environment),
+            ("environment_table", environment_table),
+            ("lights", self.lights.memory_bytes()),
+        ]
+    }
+}
+
+/// Whether a transform keeps volumes: its determinant must not vanish against the product of its column lengths.
+pub(super) fn is_invertible(transform: &DAffine3) -> bool {
+    let m = transform.matrix3;
+    let size = m.x_axis.length() * m.y_axis.length() * m.z_axis.length();
+    transform.is_finite() && size > 0.0 && (m.determinant() / size).abs() > 1e-12
+}
+
+/// Decides what is copied to its place and what is instanced, and does it. Placements are in the order of the objects.
+fn place(meshes: Vec<Arc<TriangleMesh>>, objects: &[ObjectDesc], instancing: Instancing) -> Geometry {
+    let mut uses = vec![0usize; meshes.len()];
+    for object in objects {
+        uses[object.mesh] += 1;
+    }
+    let flattened: usize = objects.iter().map(|o| meshes[o.mesh].indices.len()).sum();
+    let share = match instancing {
+        Instancing::Auto => flattened > FLATTEN_LIMIT,
+        Instancing::Always => true,
+        Instancing::Never => false,
+    };
+    // Shared meshes are stored once; the others once for each of their objects, in parallel.
+    let mut placed: Vec<Arc<TriangleMesh>> = Vec::new();
+    let mut shared_index = vec![None; meshes.len()];
+    let mut placements = Vec::with_capacity(objects.len());
+    let mut to_bake = Vec::new();
+    for object in objects {
+        if share && uses[object.mesh] > 1 {
+            let mesh = *shared_index[object.mesh].get_or_insert_with(|| {
+                placed.push(meshes[object.mesh].clone());
+                placed.len() as u32 - 1
+            });
+            let m = object.to_world;
+            let to_world = glam::Affine3A::from_mat3_translation(m.matrix3.as_mat3(), m.translation.as_vec3());
+            placements.push(Placement {
+                mesh,
+                to_world: Some(to_world),
+            });
+        } else {
+            to_bake.push((placed.len(), object));
+            placed.push(meshes[object.mesh].clone());
+            placements.push(Placement {
+                mesh: placed.len() as u32 - 1,
+                to_world: None,
+            });
+        }
+    }
+    drop(meshes);
+    let baked: Vec<(usize, Arc<TriangleMesh>)> = to_bake
+        .into_par_iter()
+        .filter(|(_, object)| object.to_world != DAffine3::IDENTITY)
+        .map(|(slot, object)| (slot, Arc::new(placed[slot].transformed(&object.to_world))))
+        .collect();
+    for (slot, mesh) in baked {
+        placed[slot] = mesh;
+    }
+    Geometry {
+        meshes: placed,
+        placements,
+    }
+}
