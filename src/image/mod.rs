@@ -1,5 +1,8 @@
 //! Images in memory, their codecs and their comparison. The only pixel file I/O of the crate.
 
+pub mod compare;
+pub mod flip;
+
 /// A row-major image; row 0 is the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image<T> {
