@@ -4,6 +4,7 @@
 pub mod accel;
 pub mod bsdf;
 pub mod camera;
+pub mod cli;
 pub mod film;
 pub mod image;
 pub mod integrator;
@@ -12,6 +13,7 @@ pub mod light;
 pub mod material;
 pub mod math;
 pub mod mesh;
+pub mod render;
 pub mod sampling;
 pub mod scene;
 pub mod texture;

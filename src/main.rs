@@ -1,3 +1,7 @@
 //! The `embrace` command.
 
-fn main() {}
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    embrace::cli::run(std::env::args_os())
+}

@@ -161,6 +161,11 @@ impl Environment {
 }
 
 impl EnvironmentMap {
+    /// Columns and rows.
+    pub fn resolution(&self) -> [u32; 2] {
+        [self.width, self.height]
+    }
+
     /// A direction around the centre of a texel, tent-distributed over the image.
     #[inline]
     fn direction(&self, texel: u32, u: [f32; 2]) -> Vec3 {

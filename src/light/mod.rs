@@ -7,7 +7,7 @@ mod environment;
 mod sampler;
 
 pub use area::{AreaLight, Emission};
-pub use environment::{EnvSampling, Environment, EnvironmentError};
+pub use environment::{EnvSampling, Environment, EnvironmentError, EnvironmentMap};
 pub use sampler::{LightSampler, LightSamplerBuilder};
 
 /// A direction towards an emitter, as seen from a point.

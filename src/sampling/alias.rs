@@ -40,7 +40,7 @@ impl AliasTable {
         if largest == 0.0 {
             return None;
         }
-        let sum: f64 = weights.clone().map(|w| usable(w) / largest).sum();
+        let sum = accurate_sum(weights.clone().map(|w| usable(w) / largest));
         let mut residual: Vec<f64> = weights.map(|w| usable(w) / largest * (n as f64 / sum)).collect();
 
         let mut slots: Vec<Slot> = (0..n as u32).map(|k| Slot { keep: 1.0, alias: k }).collect();
@@ -54,13 +54,18 @@ impl AliasTable {
             }
         }
         let mut rounding = 0.0; // what the stored values add up to, less what they should
+        let mut lost = 0.0; // what subtraction has rounded away from the current donor (Kahan 1965)
         while let (Some(&a), Some(&b)) = (small.last(), large.last()) {
             small.pop();
             let keep = round_against(residual[a as usize], rounding);
             rounding += f64::from(keep) - residual[a as usize];
             slots[a as usize] = Slot { keep, alias: b };
-            residual[b as usize] -= 1.0 - f64::from(keep);
-            if residual[b as usize] < 1.0 {
+            let deficit = 1.0 - f64::from(keep) + lost;
+            let left = residual[b as usize] - deficit;
+            lost = deficit - (residual[b as usize] - left);
+            residual[b as usize] = left;
+            if left < 1.0 {
+                lost = 0.0;
                 large.pop();
                 small.push(b);
             }
@@ -121,6 +126,18 @@ impl AliasTable {
     }
 }
 
+/// A sum with the rounding error of each addition carried along (Neumaier 1974): the total of 1e7 weights is wanted to
+/// better than one of them.
+fn accurate_sum(values: impl Iterator<Item = f64>) -> f64 {
+    let (mut sum, mut lost) = (0.0f64, 0.0f64);
+    for value in values {
+        let next = sum + value;
+        lost += if sum.abs() >= value.abs() { (sum - next) + value } else { (value - next) + sum };
+        sum = next;
+    }
+    sum + lost
+}
+
 /// The f32 next to `value` in [0, 1] on the side that brings the accumulated `error` back towards zero. Zero stays zero.
 fn round_against(value: f64, error: f64) -> f32 {
     let nearest = value as f32;
@@ -151,7 +168,7 @@ mod tests {
 
     fn assert_implied_pmf(name: &str, weights: &[f64]) {
         let table = AliasTable::new(weights.iter().copied()).expect("some weight is positive");
-        let sum: f64 = weights.iter().sum();
+        let sum = accurate_sum(weights.iter().copied());
         for (i, (p, w)) in table.implied_pmf().iter().zip(weights).enumerate() {
             let expected = w / sum;
             if expected == 0.0 {

@@ -3,7 +3,13 @@
 mod build;
 mod desc;
 mod features;
+mod file;
+mod load;
+pub mod obj;
+mod obj_material;
+mod value;
 
 pub use build::{Instancing, Scene, SceneError, SceneOptions, Surface};
 pub use desc::{EnvironmentDesc, ObjectDesc, SceneDesc};
 pub use features::SceneFeatures;
+pub use load::{LoadError, LoadOptions, load};

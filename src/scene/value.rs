@@ -56,13 +56,13 @@ impl<'a> Table<'a> {
         self.get(key).ok_or_else(|| KeyError { key: self.path_of(key), problem: "is missing".into() })
     }
 
-    /// All entries by name, for tables whose keys are the user's.
+    /// All entries by name, for tables whose keys are the user's choice.
     pub(super) fn entries(&self) -> impl Iterator<Item = (&'a str, Field<'a>)> + '_ {
         self.map.iter().map(|(key, value)| (key.as_str(), Field { path: self.path_of(key), value }))
     }
 
     /// Rejects keys that nobody asked for.
-    pub(super) fn finish(self) -> Result<()> {
+    pub(super) fn finish(&self) -> Result<()> {
         let known = self.known.borrow();
         let Some(unknown) = self.map.keys().find(|key| !known.contains(&key.as_str())) else { return Ok(()) };
         let problem = match nearest(unknown, known.iter().copied()) {

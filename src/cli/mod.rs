@@ -1,0 +1,386 @@
+//! The command line: arguments to settings, errors to exit codes.
+
+use crate::integrator::{BounceSampling, KernelChoice, Lighting, Roulette, Settings};
+use crate::light::EnvSampling;
+use crate::sampling::SamplerKind;
+use crate::scene::Instancing;
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+mod info;
+mod interrupt;
+mod output;
+mod progress;
+mod render;
+mod tools;
+
+/// Name and version, as written into images.
+const SOFTWARE: &str = concat!("embrace ", env!("CARGO_PKG_VERSION"));
+
+/// Renders scenes by path tracing on the processor.
+#[derive(Debug, Parser)]
+#[command(name = "embrace", version, after_help = "Exit codes: 0 done, 1 internal, 2 usage, 3 scene or input, 4 output, 130 and 143 interrupted (the image so far is written).")]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Render a scene to EXR and PNG files
+    Render(Box<RenderArgs>),
+    /// Show what a scene contains, what it requires, and what memory it takes
+    Info(InfoArgs),
+    /// Compare two images; the first is the reference
+    Compare(CompareArgs),
+    /// Convert an EXR to an sRGB PNG
+    Tonemap(TonemapArgs),
+}
+
+/// Where the triangles are traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Backend {
+    /// Intel Embree
+    Embree,
+    /// Pure Rust
+    Obvhs,
+}
+
+impl Backend {
+    /// Embree where it is built in.
+    const DEFAULT: Backend = if cfg!(feature = "embree") { Backend::Embree } else { Backend::Obvhs };
+}
+
+#[derive(Debug, Args)]
+struct RenderArgs {
+    /// Scene file: .toml, .json, or an .obj on its own
+    scene: PathBuf,
+    /// Image to write, .exr or .png; may be repeated
+    #[arg(short, long = "output", value_name = "OUT", required = true)]
+    output: Vec<PathBuf>,
+    /// Samples per pixel
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
+    spp: u32,
+    /// Seed of the random numbers
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Threads [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// What traces the rays
+    #[arg(long, value_enum, default_value_t = Backend::DEFAULT)]
+    backend: Backend,
+    /// Most scattering events of a path: 0 emission only, 1 direct light [default: the scene's, else none]
+    #[arg(long, value_name = "N")]
+    max_depth: Option<u32>,
+    /// Image size instead of the scene's
+    #[arg(long, value_name = "WxH", value_parser = parse_resolution)]
+    resolution: Option<[u32; 2]>,
+    /// Pixels to render: columns x0 to x1 and rows y0 to y1, the ends excluded
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = parse_crop)]
+    crop: Option<[u32; 4]>,
+    /// Stops of exposure for PNG output
+    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_negative_numbers = true, value_parser = parse_exposure)]
+    exposure: f32,
+    /// Write statistics as JSON
+    #[arg(long, value_name = "FILE")]
+    stats: Option<PathBuf>,
+    /// Print nothing but errors
+    #[arg(short, long)]
+    quiet: bool,
+    /// Treat warnings about the scene as errors
+    #[arg(long)]
+    strict: bool,
+    /// Leave the render time out of the EXR, so that equal renders are equal files
+    #[arg(long)]
+    reproducible: bool,
+    #[command(flatten)]
+    estimator: EstimatorArgs,
+}
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Estimator")]
+struct EstimatorArgs {
+    /// A set of the settings below; any given beside it wins
+    #[arg(long, value_enum)]
+    preset: Option<Preset>,
+    /// Which light: all of it, or emission and one scattering event
+    #[arg(long, value_enum)]
+    lighting: Option<LightingArg>,
+    /// How directions towards the environment are drawn
+    #[arg(long, value_enum)]
+    env_sampling: Option<EnvSamplingArg>,
+    /// How bounces are drawn
+    #[arg(long, value_enum)]
+    bounce_sampling: Option<BounceSamplingArg>,
+    /// Multiple importance sampling
+    #[arg(long, value_enum)]
+    mis: Option<Switch>,
+    /// How paths end: throughput, off, or a fixed probability of survival in (0, 1)
+    #[arg(long, value_name = "throughput|off|P", value_parser = parse_roulette)]
+    roulette: Option<Roulette>,
+    /// Which random numbers
+    #[arg(long, value_enum)]
+    sampler: Option<SamplerArg>,
+    /// Remedy for hard shadow edges on smooth, coarse meshes
+    #[arg(long, value_enum)]
+    smooth_terminator: Option<Switch>,
+    /// Compiled for what the scene requires, or for everything; the image is the same
+    #[arg(long, value_enum, default_value = "auto")]
+    kernel: KernelArg,
+    /// Whether repeated meshes share their triangles
+    #[arg(long, value_enum, default_value = "auto")]
+    instancing: InstancingArg,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Preset {
+    /// Uniform bounces, no multiple importance sampling, roulette with survival 0.8
+    Article,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum LightingArg {
+    Global,
+    Direct,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum EnvSamplingArg {
+    Importance,
+    Uniform,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum BounceSamplingArg {
+    Bsdf,
+    Cosine,
+    Uniform,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Switch {
+    On,
+    Off,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum SamplerArg {
+    Sobol,
+    Independent,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum KernelArg {
+    Auto,
+    General,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum InstancingArg {
+    Auto,
+    Always,
+    Never,
+}
+
+impl EstimatorArgs {
+    fn settings(&self, seed: u64, max_depth: Option<u32>) -> Settings {
+        let mut settings = match self.preset {
+            Some(Preset::Article) => Settings::article(),
+            None => Settings::default(),
+        };
+        settings.seed = seed;
+        settings.max_depth = max_depth;
+        if let Some(lighting) = self.lighting {
+            settings.lighting = match lighting {
+                LightingArg::Global => Lighting::Global,
+                LightingArg::Direct => Lighting::Direct,
+            };
+        }
+        if let Some(env_sampling) = self.env_sampling {
+            settings.env_sampling = match env_sampling {
+                EnvSamplingArg::Importance => EnvSampling::Importance,
+                EnvSamplingArg::Uniform => EnvSampling::Uniform,
+            };
+        }
+        if let Some(bounce_sampling) = self.bounce_sampling {
+            settings.bounce_sampling = match bounce_sampling {
+                BounceSamplingArg::Bsdf => BounceSampling::Bsdf,
+                BounceSamplingArg::Cosine => BounceSampling::Cosine,
+                BounceSamplingArg::Uniform => BounceSampling::Uniform,
+            };
+        }
+        if let Some(mis) = self.mis {
+            settings.mis = matches!(mis, Switch::On);
+        }
+        if let Some(roulette) = self.roulette {
+            settings.roulette = roulette;
+        }
+        if let Some(sampler) = self.sampler {
+            settings.sampler = match sampler {
+                SamplerArg::Sobol => SamplerKind::Sobol,
+                SamplerArg::Independent => SamplerKind::Independent,
+            };
+        }
+        if let Some(smooth_terminator) = self.smooth_terminator {
+            settings.smooth_terminator = matches!(smooth_terminator, Switch::On);
+        }
+        settings
+    }
+
+    fn kernel(&self) -> KernelChoice {
+        match self.kernel {
+            KernelArg::Auto => KernelChoice::Auto,
+            KernelArg::General => KernelChoice::General,
+        }
+    }
+
+    fn instancing(&self) -> Instancing {
+        match self.instancing {
+            InstancingArg::Auto => Instancing::Auto,
+            InstancingArg::Always => Instancing::Always,
+            InstancingArg::Never => Instancing::Never,
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+struct InfoArgs {
+    /// Scene file
+    scene: PathBuf,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+    /// Whose memory to show
+    #[arg(long, value_enum, default_value_t = Backend::DEFAULT)]
+    backend: Backend,
+}
+
+#[derive(Debug, Args)]
+struct CompareArgs {
+    /// Reference
+    a: PathBuf,
+    /// Image to judge
+    b: PathBuf,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+    /// Write the map of FLIP errors
+    #[arg(long, value_name = "OUT.png")]
+    diff: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+struct TonemapArgs {
+    /// Image to convert
+    input: PathBuf,
+    /// PNG to write
+    output: PathBuf,
+    /// Stops of exposure
+    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_negative_numbers = true, value_parser = parse_exposure)]
+    exposure: f32,
+}
+
+fn parse_resolution(text: &str) -> Result<[u32; 2], String> {
+    let sides = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    match sides {
+        Some([w, h]) if w > 0 && h > 0 => Ok([w, h]),
+        _ => Err("expected WIDTHxHEIGHT in pixels, such as 640x480".into()),
+    }
+}
+
+fn parse_crop(text: &str) -> Result<[u32; 4], String> {
+    let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    match numbers.and_then(|n| <[u32; 4]>::try_from(n).ok()) {
+        Some([x0, y0, x1, y1]) if x0 < x1 && y0 < y1 => Ok([x0, y0, x1, y1]),
+        _ => Err("expected x0,y0,x1,y1 with x0 < x1 and y0 < y1, such as 0,0,320,240".into()),
+    }
+}
+
+fn parse_exposure(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(ev) if ev.abs() <= 100.0 => Ok(ev),
+        _ => Err("expected a number of stops between -100 and 100".into()),
+    }
+}
+
+fn parse_roulette(text: &str) -> Result<Roulette, String> {
+    match (text, text.parse::<f32>()) {
+        ("throughput", _) => Ok(Roulette::Throughput),
+        ("off", _) => Ok(Roulette::Off),
+        (_, Ok(survival)) if survival > 0.0 && survival < 1.0 => Ok(Roulette::Fixed(survival)),
+        _ => Err("expected throughput, off, or a probability of survival above 0 and below 1".into()),
+    }
+}
+
+/// An error that ends the program.
+#[derive(Debug)]
+struct Failure {
+    code: u8,
+    message: String,
+}
+
+impl Failure {
+    fn internal(message: impl ToString) -> Failure {
+        Failure { code: 1, message: message.to_string() }
+    }
+
+    fn usage(message: impl ToString) -> Failure {
+        Failure { code: 2, message: message.to_string() }
+    }
+
+    fn input(message: impl ToString) -> Failure {
+        Failure { code: 3, message: message.to_string() }
+    }
+
+    fn output(message: impl ToString) -> Failure {
+        Failure { code: 4, message: message.to_string() }
+    }
+}
+
+/// Runs the command line and returns the exit code: 0 done, 1 internal, 2 usage, 3 scene or input, 4 output, 130 or 143
+/// interrupted with the image so far written.
+pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let cli = match Cli::try_parse_from(args) {
+        Ok(cli) => cli,
+        Err(error) => {
+            // Help and version are no errors; a closed pipe is nobody's concern.
+            let _ = error.print();
+            return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
+        }
+    };
+    let result = match &cli.command {
+        Command::Render(args) => render::run(args),
+        Command::Info(args) => info::run(args).map(|()| 0),
+        Command::Compare(args) => tools::compare(args).map(|()| 0),
+        Command::Tonemap(args) => tools::tonemap(args).map(|()| 0),
+    };
+    match result {
+        Ok(code) => ExitCode::from(code),
+        Err(Failure { code, message }) => {
+            eprintln!("error: {message}");
+            ExitCode::from(code)
+        }
+    }
+}
+
+/// Runs a generic function for the backend chosen at run time: the one place where backends are dispatched.
+macro_rules! with_backend {
+    ($backend:expr, $function:ident($($argument:expr),*)) => {
+        match $backend {
+            #[cfg(feature = "embree")]
+            $crate::cli::Backend::Embree => $function::<$crate::accel::embree::EmbreeAccel>($($argument),*),
+            #[cfg(feature = "obvhs")]
+            $crate::cli::Backend::Obvhs => $function::<$crate::accel::obvhs::ObvhsAccel>($($argument),*),
+            #[cfg(not(all(feature = "embree", feature = "obvhs")))]
+            other => Err($crate::cli::Failure::usage(format!(
+                "the backend {} is not in this build; it was built with {} alone",
+                format!("{other:?}").to_lowercase(),
+                format!("{:?}", $crate::cli::Backend::DEFAULT).to_lowercase(),
+            ))),
+        }
+    };
+}
+use with_backend;

@@ -1,0 +1,57 @@
+//! `embrace compare` and `embrace tonemap`
+
+use super::output::{self, Target};
+use super::{CompareArgs, Failure, TonemapArgs};
+use crate::image::{self, Image, compare::compare as compare_images, display, flip, ldr};
+use crate::math::Rgb;
+use std::path::Path;
+
+fn read(path: &Path) -> Result<Image<Rgb>, Failure> {
+    let bytes = std::fs::read(path).map_err(|e| Failure::input(format!("{}: cannot be read: {e}", path.display())))?;
+    image::read_rgb(path, &bytes).map_err(Failure::input)
+}
+
+pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
+    if let Some(diff) = &args.diff {
+        check_png(diff)?;
+        output::check_writable(diff)?;
+    }
+    let (a, b) = (read(&args.a)?, read(&args.b)?);
+    let comparison = compare_images(&a, &b)
+        .map_err(|e| Failure::input(format!("{} and {}: {e}", args.a.display(), args.b.display())))?;
+    if let Some(path) = &args.diff {
+        let map = flip::heat_map(&flip::hdr_flip(&a, &b));
+        output::write_atomically(path, |writer| ldr::write_png(writer, &map, path))?;
+    }
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&comparison).map_err(Failure::internal)?);
+        return Ok(());
+    }
+    let [r, g, b] = comparison.mean_ratio;
+    println!("size            {} x {}", comparison.width, comparison.height);
+    println!("MSE             {:.6e}", comparison.mse);
+    println!("RMSE            {:.6e}", comparison.rmse);
+    println!("relMSE          {:.6e}", comparison.relmse);
+    println!("relMSE trimmed  {:.6e}", comparison.relmse_trimmed);
+    println!("mean ratio      {r:.6} {g:.6} {b:.6}");
+    println!("FLIP            {:.6}", comparison.flip);
+    for (name, count) in [("A", comparison.nonfinite_a), ("B", comparison.nonfinite_b)] {
+        if count > 0 {
+            println!("not finite      {count} pixels of {name}, left out");
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn tonemap(args: &TonemapArgs) -> Result<(), Failure> {
+    check_png(&args.output)?;
+    let target = Target::new(&args.output)?;
+    target.write(&read(&args.input)?, &output::metadata(), args.exposure)
+}
+
+fn check_png(path: &Path) -> Result<(), Failure> {
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
+        return Ok(());
+    }
+    Err(Failure::usage(format!("{}: the extension must be .png", path.display())))
+}

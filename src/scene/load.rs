@@ -1,0 +1,493 @@
+//! Reading a scene: the scene file, and every mesh, material library and image that it uses.
+
+use super::desc::{EnvironmentDesc, ObjectDesc, SceneDesc};
+use super::file::{self, ColourEntry, EnvironmentEntry, MaterialEntry, MeshEntry, SceneFile};
+use super::obj::{self, MapRef, MtlMaterial, ObjError, ObjScene};
+use super::obj_material;
+use super::value::KeyError;
+use crate::camera::CameraDesc;
+use crate::image::ldr::LdrImage;
+use crate::image::{self, Decoded, Image, ImageError};
+use crate::light::Emission;
+use crate::material::{Material, Scattering, Spectrum};
+use crate::math::{DAffine3, DVec3, Rgb, Vec2, Vec3, srgb_decode};
+use crate::mesh::TriangleMesh;
+use crate::texture::{Encoding, Texture, TextureMap};
+use rayon::prelude::*;
+use std::collections::HashMap;
+use std::fs::{self, File};
+use std::io::{self, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use thiserror::Error;
+
+/// How to read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LoadOptions {
+    /// Whether what would be a warning is an error.
+    pub strict: bool,
+}
+
+/// Why a scene cannot be read. Every message names the file.
+#[derive(Debug, Error)]
+pub enum LoadError {
+    /// A file cannot be opened or read.
+    #[error("{}: cannot be read: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The extension is none of a scene.
+    #[error("{}: not a scene; expected a .toml, .json or .obj file", .0.display())]
+    Format(PathBuf),
+    /// The scene file is not well-formed.
+    #[error("{}: {message}", path.display())]
+    Syntax {
+        /// The file.
+        path: PathBuf,
+        /// What the parser says, with the line.
+        message: String,
+    },
+    /// A key is unknown, missing, or has a wrong value.
+    #[error("{}: {key}: {problem}", path.display())]
+    Key {
+        /// The file.
+        path: PathBuf,
+        /// Dotted path of the key.
+        key: String,
+        /// What is wrong and what to write instead.
+        problem: String,
+    },
+    /// A mesh file is damaged.
+    #[error(transparent)]
+    Obj(#[from] ObjError),
+    /// An image file is damaged.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// There is a warning, and warnings were to be errors.
+    #[error("{0} (an error because of --strict)")]
+    Strict(String),
+}
+
+/// Reads a scene file (`.toml`, `.json`) or a mesh on its own (`.obj`: the camera frames its bounds, under a constant
+/// environment of radiance 1). Files are read in parallel on the current rayon pool.
+///
+/// # Errors
+/// [`LoadError`] for anything that leaves no defined scene. What has a visible default is a warning in the description
+/// instead, unless `options.strict`.
+pub fn load(path: &Path, options: LoadOptions) -> Result<SceneDesc, LoadError> {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+    let desc = match extension.as_str() {
+        "toml" | "json" => load_scene_file(path, extension == "toml")?,
+        "obj" => load_mesh_alone(path)?,
+        _ => return Err(LoadError::Format(path.to_owned())),
+    };
+    match desc.warnings.first() {
+        Some(warning) if options.strict => Err(LoadError::Strict(warning.clone())),
+        _ => Ok(desc),
+    }
+}
+
+fn load_scene_file(path: &Path, is_toml: bool) -> Result<SceneDesc, LoadError> {
+    let bytes = read_file(path)?;
+    let syntax = |message: String| LoadError::Syntax { path: path.to_owned(), message };
+    let text = std::str::from_utf8(&bytes).map_err(|e| syntax(format!("not UTF-8 text: {e}")))?;
+    let value: serde_json::Value = if is_toml {
+        toml::from_str(text).map_err(|e| syntax(e.to_string().trim_end().to_owned()))?
+    } else {
+        serde_json::from_str(text).map_err(|e| syntax(e.to_string()))?
+    };
+    let file = file::parse(&value)
+        .map_err(|KeyError { key, problem }| LoadError::Key { path: path.to_owned(), key, problem })?;
+    let base = path.parent().unwrap_or(Path::new(""));
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&bytes);
+    assemble(file, base, hasher)
+}
+
+fn load_mesh_alone(path: &Path) -> Result<SceneDesc, LoadError> {
+    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let file = SceneFile {
+        camera: framing(Vec3::ZERO, Vec3::ONE),
+        max_depth: None,
+        environment: Some(EnvironmentEntry::Constant(Rgb::WHITE)),
+        materials: Vec::new(),
+        meshes: vec![MeshEntry { file: name, material: None, to_world: DAffine3::IDENTITY, emission: None }],
+    };
+    let mut desc = assemble(file, path.parent().unwrap_or(Path::new("")), blake3::Hasher::new())?;
+    let infinite = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    let (low, high) = desc.meshes.iter().map(|m| m.bounds()).fold(infinite, |(a, b), (c, d)| (a.min(c), b.max(d)));
+    desc.camera = framing(low, high);
+    Ok(desc)
+}
+
+/// A camera that sees all of a box, from its front right and a little above.
+fn framing(low: Vec3, high: Vec3) -> CameraDesc {
+    let (low, high) = (low.as_dvec3(), high.as_dvec3());
+    let centre = (low + high) * 0.5;
+    // A point still needs a distance to be seen from.
+    let radius = ((high - low).length() * 0.5).max(centre.length() * 1e-6).max(f64::from(f32::MIN_POSITIVE));
+    let vfov_degrees = 40.0f64;
+    let distance = radius / (vfov_degrees.to_radians() * 0.5).sin();
+    CameraDesc {
+        position: centre + DVec3::new(0.5, 0.4, 1.0).normalize() * distance,
+        look_at: centre,
+        up: DVec3::Y,
+        vfov_degrees,
+        resolution: [800, 600],
+        aperture_radius: 0.0,
+        focus_distance: None,
+    }
+}
+
+fn read_file(path: &Path) -> Result<Vec<u8>, LoadError> {
+    fs::read(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })
+}
+
+/// Passes bytes on and hashes them.
+struct Hashing<R> {
+    inner: R,
+    hasher: blake3::Hasher,
+}
+
+impl<R: Read> Read for Hashing<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.inner.read(buffer)?;
+        self.hasher.update(&buffer[..count]);
+        Ok(count)
+    }
+}
+
+/// A mesh file and the hash over it and its material libraries.
+fn read_obj(path: &Path) -> Result<(ObjScene, blake3::Hash), LoadError> {
+    let file = File::open(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
+    let mut reader = Hashing { inner: file, hasher: blake3::Hasher::new() };
+    let mut libraries = blake3::Hasher::new();
+    let base = path.parent().unwrap_or(Path::new(""));
+    let scene = obj::read(path, BufReader::with_capacity(1 << 20, &mut reader), |name| {
+        let bytes = fs::read(base.join(name))?;
+        libraries.update(&bytes);
+        Ok(bytes)
+    })?;
+    reader.hasher.update(libraries.finalize().as_bytes());
+    Ok((scene, reader.hasher.finalize()))
+}
+
+/// What a bitmap is for, which decides how its numbers are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum Role {
+    /// Reflectance; the encoding as given.
+    Colour(Option<Encoding>),
+    /// How much of a surface is there: the alpha channel if there is one, else the colour, linear.
+    Coverage,
+}
+
+/// The bitmaps wanted, each once.
+#[derive(Default)]
+struct Bitmaps {
+    wanted: Vec<(PathBuf, Role)>,
+    index: HashMap<(PathBuf, Role), usize>,
+}
+
+impl Bitmaps {
+    fn want(&mut self, path: PathBuf, role: Role) -> usize {
+        *self.index.entry((path.clone(), role)).or_insert_with(|| {
+            self.wanted.push((path, role));
+            self.wanted.len() - 1
+        })
+    }
+}
+
+/// A material of a mesh file, and the bitmaps it asks for.
+struct MtlUse<'a> {
+    mtl: &'a MtlMaterial,
+    file: &'a Path,
+    map_kd: Option<(usize, &'a MapRef)>,
+    map_d: Option<(usize, &'a MapRef)>,
+}
+
+fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<SceneDesc, LoadError> {
+    let mut warnings = Vec::new();
+
+    // Mesh files, each once.
+    let mut obj_paths: Vec<PathBuf> = Vec::new();
+    let mut obj_of_entry = Vec::with_capacity(file.meshes.len());
+    let mut obj_index: HashMap<&str, usize> = HashMap::new();
+    for entry in &file.meshes {
+        obj_of_entry.push(*obj_index.entry(&entry.file).or_insert_with(|| {
+            obj_paths.push(base.join(&entry.file));
+            obj_paths.len() - 1
+        }));
+    }
+    let (environment, objs) = rayon::join(
+        || file.environment.as_ref().map(|e| load_environment(e, base)).transpose(),
+        || obj_paths.par_iter().map(|path| read_obj(path)).collect::<Result<Vec<_>, _>>(),
+    );
+    let (environment, objs) = (environment?, objs?);
+    let mut objs: Vec<ObjScene> = objs
+        .into_iter()
+        .map(|(mut obj, hash)| {
+            hasher.update(hash.as_bytes());
+            warnings.append(&mut obj.warnings);
+            obj
+        })
+        .collect();
+
+    // Materials in use, and the bitmaps that they want.
+    let mut bitmaps = Bitmaps::default();
+    let mut named_index = vec![None; file.materials.len()];
+    let mut named_used = Vec::new();
+    for material in file.meshes.iter().filter_map(|entry| entry.material) {
+        if named_index[material].is_none() {
+            named_index[material] = Some(named_used.len());
+            let bitmap = match &file.materials[material].1 {
+                MaterialEntry::Diffuse { reflectance: ColourEntry::Texture { file, encoding } }
+                | MaterialEntry::Plastic { reflectance: ColourEntry::Texture { file, encoding }, .. } => {
+                    Some(bitmaps.want(base.join(file), Role::Colour(*encoding)))
+                }
+                _ => None,
+            };
+            named_used.push((material, bitmap));
+        }
+    }
+    let required = bitmaps.wanted.len();
+    let mut mtl_index: HashMap<(usize, usize), usize> = HashMap::new();
+    let mut mtl_used: Vec<MtlUse<'_>> = Vec::new();
+    for (entry, &obj) in file.meshes.iter().zip(&obj_of_entry) {
+        for material in objs[obj].parts.iter().filter_map(|part| part.material).filter(|_| entry.material.is_none()) {
+            mtl_index.entry((obj, material)).or_insert_with(|| {
+                let mtl = &objs[obj].materials[material];
+                let directory = obj_paths[obj].parent().unwrap_or(Path::new(""));
+                let mut want = |map: &Option<MapRef>, role| {
+                    map.as_ref().map(|map| bitmaps.want(directory.join(&map.file), role))
+                };
+                let map_kd = want(&mtl.map_kd, Role::Colour(None)).zip(mtl.map_kd.as_ref());
+                let map_d = want(&mtl.map_d, Role::Coverage).zip(mtl.map_d.as_ref());
+                mtl_used.push(MtlUse { mtl, file: &obj_paths[obj], map_kd, map_d });
+                mtl_used.len() - 1
+            });
+        }
+    }
+
+    // Decode the bitmaps; those of the scene file must be there, those of material libraries have a default.
+    let decoded: Vec<Result<(Texture, blake3::Hash), LoadError>> =
+        bitmaps.wanted.par_iter().map(|(path, role)| load_texture(path, *role)).collect();
+    let mut textures = Vec::new();
+    let mut texture_of_bitmap = Vec::with_capacity(decoded.len());
+    for (bitmap, result) in decoded.into_iter().enumerate() {
+        texture_of_bitmap.push(match result {
+            Ok((texture, hash)) => {
+                hasher.update(hash.as_bytes());
+                textures.push(texture);
+                Some(textures.len() as u32 - 1)
+            }
+            Err(error) if bitmap < required => return Err(error),
+            Err(error) => {
+                warnings.push(format!("{error}; the surface is shown in magenta"));
+                None
+            }
+        });
+    }
+
+    // Materials: the named ones, then those of the mesh files, then a default for parts without one.
+    let mut materials: Vec<(String, Material)> = Vec::new();
+    for (material, bitmap) in &named_used {
+        let (name, entry) = &file.materials[*material];
+        let texture = bitmap.and_then(|b| texture_of_bitmap[b]);
+        materials.push((name.clone(), Material { scattering: scattering(entry, texture), opacity: None }));
+    }
+    let first_mtl = materials.len();
+    for MtlUse { mtl, file, map_kd, map_d } in &mtl_used {
+        let spectrum = |map: &Option<(usize, &MapRef)>, missing: Rgb| {
+            map.map(|(bitmap, map)| match texture_of_bitmap[bitmap] {
+                Some(texture) => Spectrum::Bitmap(
+                    TextureMap { texture, scale: map.scale.into(), offset: map.offset.into() },
+                    Rgb::WHITE,
+                ),
+                None => Spectrum::Constant(missing),
+            })
+        };
+        let (material, notes) =
+            obj_material::convert(mtl, spectrum(map_kd, MISSING), spectrum(map_d, Rgb::WHITE));
+        warnings.extend(notes.into_iter().map(|note| format!("{}: material {}: {note}", file.display(), mtl.name)));
+        materials.push((mtl.name.clone(), material));
+    }
+    let mtl_emission: Vec<Option<Emission>> = mtl_used
+        .iter()
+        .map(|used| {
+            let radiance = used.mtl.ke.filter(|ke| ke.is_finite() && !ke.is_black())?;
+            Some(Emission { radiance: radiance.map(|c| c.max(0.0)), both_sides: true })
+        })
+        .collect();
+    drop(mtl_used);
+
+    // Objects: one per part of each mesh entry.
+    let mut default_material = None;
+    let mut part_base = Vec::with_capacity(objs.len());
+    let mut meshes: Vec<Arc<TriangleMesh>> = Vec::new();
+    let mut parts: Vec<Vec<Option<usize>>> = Vec::with_capacity(objs.len());
+    for obj in &mut objs {
+        part_base.push(meshes.len());
+        parts.push(obj.parts.iter().map(|part| part.material).collect());
+        meshes.extend(obj.parts.drain(..).map(|part| Arc::new(part.mesh)));
+    }
+    let mut objects = Vec::new();
+    for (entry, &obj) in file.meshes.iter().zip(&obj_of_entry) {
+        for (part, part_material) in parts[obj].iter().enumerate() {
+            let from_mtl = part_material.and_then(|m| mtl_index.get(&(obj, m)).copied());
+            let (material, mtl_emission) = match (entry.material.and_then(|m| named_index[m]), from_mtl) {
+                (Some(named), _) => (named, None),
+                (None, Some(mtl)) => (first_mtl + mtl, mtl_emission[mtl]),
+                (None, None) => {
+                    let index = *default_material.get_or_insert_with(|| {
+                        materials.push(("default".into(), DEFAULT_MATERIAL));
+                        materials.len() - 1
+                    });
+                    (index, None)
+                }
+            };
+            objects.push(ObjectDesc {
+                mesh: part_base[obj] + part,
+                material,
+                to_world: entry.to_world,
+                emission: entry.emission.or(mtl_emission),
+            });
+        }
+    }
+
+    let environment = environment.map(|(environment, hash, mut notes)| {
+        hasher.update(hash.as_bytes());
+        warnings.append(&mut notes);
+        environment
+    });
+    Ok(SceneDesc {
+        camera: file.camera,
+        max_depth: file.max_depth,
+        environment,
+        materials,
+        textures,
+        meshes,
+        objects,
+        hash: hasher.finalize().to_hex().to_string(),
+        warnings,
+    })
+}
+
+/// The colour of a surface whose bitmap is missing: one that nobody takes for intended.
+const MISSING: Rgb = Rgb::new(0.8, 0.0, 0.8);
+
+/// Parts of mesh files for which nobody names a material.
+const DEFAULT_MATERIAL: Material = Material {
+    scattering: Scattering::Diffuse { reflectance: Spectrum::Constant(Rgb::splat(0.5)) },
+    opacity: None,
+};
+
+fn scattering(entry: &MaterialEntry, texture: Option<u32>) -> Scattering {
+    let spectrum = |colour: &ColourEntry| match (colour, texture) {
+        (ColourEntry::Rgb(rgb), _) => Spectrum::Constant(*rgb),
+        (ColourEntry::Texture { .. }, Some(texture)) => {
+            Spectrum::Bitmap(TextureMap { texture, scale: Vec2::ONE, offset: Vec2::ZERO }, Rgb::WHITE)
+        }
+        // Bitmaps of the scene file are there, or loading has failed.
+        (ColourEntry::Texture { .. }, None) => Spectrum::Constant(MISSING),
+    };
+    match entry {
+        MaterialEntry::Diffuse { reflectance } => Scattering::Diffuse { reflectance: spectrum(reflectance) },
+        &MaterialEntry::Conductor { eta, k, alpha } => Scattering::Conductor { eta, k, alpha },
+        &MaterialEntry::Dielectric { ior, alpha } => Scattering::Dielectric { ior, alpha },
+        &MaterialEntry::Mirror { reflectance } => Scattering::Mirror { reflectance },
+        MaterialEntry::Plastic { reflectance, specular, alpha } => {
+            Scattering::Plastic { reflectance: spectrum(reflectance), specular: *specular, alpha: *alpha }
+        }
+    }
+}
+
+fn load_texture(path: &Path, role: Role) -> Result<(Texture, blake3::Hash), LoadError> {
+    let bytes = read_file(path)?;
+    let hash = blake3::hash(&bytes);
+    let texture = match (image::read(path, &bytes)?, role) {
+        (Decoded::Linear(image), _) => Texture::Rgb32(sanitise_reflectance(image)),
+        (Decoded::Encoded(LdrImage::Bits8 { alpha: Some(alpha), .. }), Role::Coverage) => {
+            Texture::Rgb8(map_pixels(alpha, |a| [a; 3]), Encoding::Linear)
+        }
+        (Decoded::Encoded(LdrImage::Bits8 { rgb, .. }), Role::Coverage) => Texture::Rgb8(rgb, Encoding::Linear),
+        (Decoded::Encoded(LdrImage::Bits8 { rgb, .. }), Role::Colour(encoding)) => {
+            Texture::Rgb8(rgb, encoding.unwrap_or(Encoding::Srgb))
+        }
+        (Decoded::Encoded(LdrImage::Bits16 { alpha: Some(alpha), .. }), Role::Coverage) => {
+            Texture::Rgb32(map_pixels(alpha, Rgb::splat))
+        }
+        (Decoded::Encoded(LdrImage::Bits16 { rgb, .. }), role) => {
+            // Sixteen bits are linear unless the scene says otherwise: the default of sRGB is for eight.
+            let srgb = role == Role::Colour(Some(Encoding::Srgb));
+            Texture::Rgb32(map_pixels(rgb, |c| Rgb::from(if srgb { c.map(srgb_decode) } else { c })))
+        }
+    };
+    Ok((texture, hash))
+}
+
+fn map_pixels<T, U>(image: Image<T>, f: impl Fn(T) -> U) -> Image<U> {
+    Image { width: image.width, height: image.height, pixels: image.pixels.into_iter().map(f).collect() }
+}
+
+/// Reflectance from a file of unlimited range: NaN and negative become 0, what exceeds 1 becomes 1.
+fn sanitise_reflectance(image: Image<Rgb>) -> Image<Rgb> {
+    // `max` takes the other operand for NaN.
+    map_pixels(image, |rgb| rgb.map(|c| c.max(0.0).min(1.0)))
+}
+
+type LoadedEnvironment = (EnvironmentDesc, blake3::Hash, Vec<String>);
+
+fn load_environment(entry: &EnvironmentEntry, base: &Path) -> Result<LoadedEnvironment, LoadError> {
+    let (file, scale, rotation_degrees) = match entry {
+        EnvironmentEntry::Constant(radiance) => {
+            return Ok((EnvironmentDesc::Constant(*radiance), blake3::hash(b""), Vec::new()));
+        }
+        EnvironmentEntry::File { file, scale, rotation_degrees } => (file, *scale, *rotation_degrees),
+    };
+    let path = base.join(file);
+    let bytes = read_file(&path)?;
+    let hash = blake3::hash(&bytes);
+    let mut image = image::read_rgb(&path, &bytes)?;
+    drop(bytes);
+    let mut warnings = sanitise_radiance(&mut image, scale, &path);
+    if image.pixels.iter().all(|p| p.is_black()) {
+        warnings.push(format!("{}: the environment map is black; it gives no light", path.display()));
+    }
+    Ok((EnvironmentDesc::Map { image: Arc::new(image), scale, rotation_degrees }, hash, warnings))
+}
+
+/// Makes every texel finite and 0 or more, also after scaling, and says how many were not.
+fn sanitise_radiance(image: &mut Image<Rgb>, scale: f32, path: &Path) -> Vec<String> {
+    let channels = || image.pixels.iter().flat_map(|p| p.to_array());
+    // Small enough that sums over the map and products with reflectances stay finite.
+    let limit = 1e30 / scale.max(1.0);
+    let largest = channels().filter(|c| *c <= limit).fold(0.0, f32::max);
+    let (mut negative, mut nan, mut infinite) = (0u64, 0u64, 0u64);
+    for pixel in &mut image.pixels {
+        for channel in [&mut pixel.r, &mut pixel.g, &mut pixel.b] {
+            if channel.is_nan() {
+                nan += 1;
+                *channel = 0.0;
+            } else if *channel < 0.0 {
+                negative += 1;
+                *channel = 0.0;
+            } else if *channel > limit {
+                infinite += 1;
+                *channel = largest;
+            }
+        }
+    }
+    let mut warnings = Vec::new();
+    let mut warn = |count: u64, what: &str, instead: String| {
+        if count > 0 {
+            warnings.push(format!("{}: {count} texel values are {what}; {instead} is used", path.display()));
+        }
+    };
+    warn(negative, "negative", "0".into());
+    warn(nan, "NaN", "0".into());
+    warn(infinite, "infinite or beyond 1e30", format!("the largest other value, {largest},"));
+    warnings
+}
