@@ -5,6 +5,7 @@ pub mod accel;
 pub mod image;
 pub mod math;
 pub mod mesh;
+pub mod scene;
 
 #[cfg(not(any(feature = "embree", feature = "obvhs")))]
 compile_error!(
