@@ -11,6 +11,7 @@ use thiserror::Error;
 
 pub mod brute;
 #[cfg(feature = "embree")]
+#[allow(unsafe_code, reason = "Embree FFI")]
 pub mod embree;
 #[cfg(feature = "obvhs")]
 pub mod obvhs;

@@ -1,1 +1,250 @@
-//! Placeholder.
+//! A ray–triangle test without cracks: Woop, Benthin, Wald 2013, "Watertight Ray/Triangle Intersection", JCGT 2(1).
+//!
+//! The ray is sheared onto the z axis, so that the test is whether the origin of the plane lies in the projected
+//! triangle. A corner projects to the same point whichever triangle it belongs to. The sign of an edge function
+//! `a·b − c·d` of such points is exact: rounding is monotone, so that the f32 difference has the right sign or is zero,
+//! and where it is zero the products are repeated in f64, which holds them without rounding. Neighbours therefore agree
+//! on every edge and vertex, and a ray on an edge hits both.
+
+use super::Ray;
+use crate::math::Vec3;
+use glam::Vec3Swizzles;
+
+/// A ray prepared for many triangles.
+#[derive(Clone, Copy, Debug)]
+pub struct TriangleRay {
+    origin: Vec3,
+    /// Index of the largest component of the direction, which becomes z.
+    axis: u8,
+    /// x and y per unit of z, and 1/z, of the permuted direction.
+    shear: Vec3,
+    t_min: f32,
+}
+
+/// Where a ray meets a triangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TriangleHit {
+    /// Distance in lengths of the direction.
+    pub t: f32,
+    /// Barycentric weight of the second corner, in [0, 1].
+    pub u: f32,
+    /// Barycentric weight of the third corner, in [0, 1].
+    pub v: f32,
+}
+
+/// Cyclic, so that no axis order needs a branch of its own; the winding does not matter to a two-sided test.
+#[inline(always)]
+fn permute(p: Vec3, axis: u8) -> Vec3 {
+    match axis {
+        0 => p.yzx(),
+        1 => p.zxy(),
+        _ => p,
+    }
+}
+
+impl TriangleRay {
+    /// Prepares a ray; the direction need not be a unit vector. `None` if nothing can be hit: the direction is zero, a
+    /// component is not finite, or the segment is empty.
+    #[inline]
+    pub fn new(ray: &Ray) -> Option<TriangleRay> {
+        let size = ray.direction.abs();
+        if !(ray.origin.is_finite() && ray.direction.is_finite() && size.max_element() > 0.0 && ray.t_min < ray.t_max) {
+            return None;
+        }
+        let axis = if size.x > size.y && size.x > size.z {
+            0
+        } else if size.y > size.z {
+            1
+        } else {
+            2
+        };
+        let d = permute(ray.direction, axis);
+        Some(TriangleRay {
+            origin: ray.origin,
+            axis,
+            shear: Vec3::new(d.x / d.z, d.y / d.z, 1.0 / d.z),
+            t_min: ray.t_min,
+        })
+    }
+
+    /// The hit in the open interval from the ray's `t_min` to `t_max`, of either side. Triangles seen edge-on and
+    /// triangles without area are not hit, nor are those with a corner so far off (about 1e18) that products overflow.
+    #[inline]
+    pub fn intersect(&self, corners: &[Vec3; 3], t_max: f32) -> Option<TriangleHit> {
+        let [a, b, c] = corners.map(|corner| permute(corner - self.origin, self.axis));
+        let (ax, ay) = (a.x - self.shear.x * a.z, a.y - self.shear.y * a.z);
+        let (bx, by) = (b.x - self.shear.x * b.z, b.y - self.shear.y * b.z);
+        let (cx, cy) = (c.x - self.shear.x * c.z, c.y - self.shear.y * c.z);
+        // Twice the signed areas opposite to each corner.
+        let mut weight_a = cx * by - cy * bx;
+        let mut weight_b = ax * cy - ay * cx;
+        let mut weight_c = bx * ay - by * ax;
+        if weight_a == 0.0 || weight_b == 0.0 || weight_c == 0.0 {
+            let exact = |px: f32, qy: f32, py: f32, qx: f32| {
+                (f64::from(px) * f64::from(qy) - f64::from(py) * f64::from(qx)) as f32
+            };
+            weight_a = exact(cx, by, cy, bx);
+            weight_b = exact(ax, cy, ay, cx);
+            weight_c = exact(bx, ay, by, ax);
+        }
+        if weight_a.min(weight_b).min(weight_c) < 0.0 && weight_a.max(weight_b).max(weight_c) > 0.0 {
+            return None;
+        }
+        let sum = weight_a + weight_b + weight_c;
+        if sum == 0.0 {
+            return None;
+        }
+        let scale = 1.0 / sum;
+        let t = (weight_a * a.z + weight_b * b.z + weight_c * c.z) * self.shear.z * scale;
+        (t > self.t_min && t < t_max && t.is_finite()).then(|| TriangleHit {
+            t,
+            u: weight_b * scale,
+            v: weight_c * scale,
+        })
+    }
+}
+
+/// Whether the corners lie on a line, so that the triangle has no normal and must not be hit.
+pub(super) fn is_degenerate([a, b, c]: &[Vec3; 3]) -> bool {
+    let a = a.as_dvec3();
+    (b.as_dvec3() - a).cross(c.as_dvec3() - a) == glam::DVec3::ZERO
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn hit(ray: &Ray, corners: &[Vec3; 3]) -> Option<TriangleHit> {
+        TriangleRay::new(ray).and_then(|prepared| prepared.intersect(corners, ray.t_max))
+    }
+
+    /// Uniform in [-1, 1), from the upper bits of a 64-bit congruential generator.
+    fn random(state: &mut u64) -> f32 {
+        *state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (*state >> 40) as f32 / (1 << 23) as f32 - 1.0
+    }
+
+    fn random_point(state: &mut u64) -> Vec3 {
+        Vec3::new(random(state), random(state), random(state))
+    }
+
+    /// A closed surface with irregular triangles: an octahedron split three times, its vertices moved in and out.
+    fn crumpled_ball(scale: f32) -> Vec<[Vec3; 3]> {
+        let mut triangles: Vec<[Vec3; 3]> = (0..8)
+            .map(|i| {
+                let sign = |bit: i32| if i & bit == 0 { 1.0 } else { -1.0 };
+                [Vec3::X * sign(1), Vec3::Y * sign(2), Vec3::Z * sign(4)]
+            })
+            .collect();
+        for _ in 0..3 {
+            triangles = triangles
+                .iter()
+                .flat_map(|&[a, b, c]| {
+                    // Sums of the same two numbers, so that neighbours get the same midpoint.
+                    let (ab, bc, ca) = (a + b, b + c, c + a);
+                    [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]].map(|t| t.map(Vec3::normalize))
+                })
+                .collect();
+        }
+        let crumple = |p: Vec3| p * (1.0 + 0.2 * (7.0 * p.x + 11.0 * p.y + 13.0 * p.z).sin()) * scale;
+        triangles.iter().map(|t| t.map(crumple)).collect()
+    }
+
+    #[test]
+    fn rays_aimed_at_the_edges_and_vertices_of_a_closed_mesh_never_leak() {
+        let mut state = 1;
+        for exponent in -6..=6 {
+            let scale = 10f32.powi(exponent);
+            let triangles = crumpled_ball(scale);
+            for i in 0..4000 {
+                let [a, b, _] = triangles[i % triangles.len()];
+                let target = match i / triangles.len() % 2 {
+                    0 => a,
+                    _ => a.lerp(b, random(&mut state).abs()),
+                };
+                let origin = random_point(&mut state) * 0.3 * scale;
+                let ray = Ray::new(origin, (target - origin).normalize());
+                let prepared = TriangleRay::new(&ray).unwrap();
+                let hits = triangles.iter().filter_map(|t| prepared.intersect(t, f32::INFINITY));
+                assert!(hits.count() > 0, "{ray:?} leaves the mesh at scale {scale}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_ray_through_an_edge_hits_both_neighbours_at_the_same_distance() {
+        let (a, b) = (Vec3::new(-1.0, 0.0, 2.0), Vec3::new(1.0, 0.0, 2.0));
+        let ray = Ray::new(Vec3::ZERO, Vec3::Z);
+        let upper = hit(&ray, &[a, b, Vec3::new(0.0, 1.0, 3.0)]).unwrap();
+        let lower = hit(&ray, &[b, a, Vec3::new(0.0, -1.0, 3.0)]).unwrap();
+        assert_eq!(upper.t, 2.0);
+        assert_eq!(lower.t, 2.0);
+    }
+
+    #[test]
+    fn the_weights_and_the_distance_give_the_same_point() {
+        let mut state = 2;
+        let mut hits = 0;
+        for _ in 0..100_000 {
+            let corners = [(); 3].map(|()| random_point(&mut state));
+            let direction = random_point(&mut state).normalize();
+            let ray = Ray::new(random_point(&mut state) * 3.0, direction);
+            if let Some(TriangleHit { t, u, v }) = hit(&ray, &corners) {
+                hits += 1;
+                assert!(u >= 0.0 && v >= 0.0 && u + v <= 1.0 + f32::EPSILON, "{u} {v}");
+                let by_weights = corners[0] * (1.0 - u - v) + corners[1] * u + corners[2] * v;
+                let along_ray = ray.origin + ray.direction * t;
+                assert!(
+                    (by_weights - along_ray).length() < 2e-6 * (1.0 + t),
+                    "{ray:?} {corners:?}"
+                );
+            }
+        }
+        assert!(hits > 1000, "{hits}");
+    }
+
+    #[test]
+    fn both_ends_of_the_segment_are_excluded() {
+        let corners = [
+            Vec3::new(-1.0, -1.0, 4.0),
+            Vec3::new(3.0, -1.0, 4.0),
+            Vec3::new(-1.0, 3.0, 4.0),
+        ];
+        let segment = |t_min: f32, t_max: f32| Ray {
+            t_min,
+            t_max,
+            ..Ray::new(Vec3::ZERO, Vec3::Z)
+        };
+        assert!(hit(&segment(0.0, 4.0), &corners).is_none());
+        assert!(hit(&segment(4.0, 9.0), &corners).is_none());
+        assert!(hit(&segment(4f32.next_down(), 4f32.next_up()), &corners).is_some());
+    }
+
+    #[test]
+    fn triangles_without_area_or_seen_edge_on_are_not_hit() {
+        let ray = Ray::new(Vec3::ZERO, Vec3::Z);
+        assert!(hit(&ray, &[Vec3::Z; 3]).is_none());
+        assert!(hit(&ray, &[-Vec3::X + Vec3::Z, Vec3::X + Vec3::Z, Vec3::Z]).is_none());
+        assert!(hit(&ray, &[Vec3::Z, 2.0 * Vec3::Z, Vec3::X + Vec3::Z]).is_none());
+        assert!(is_degenerate(&[-Vec3::X, Vec3::ZERO, Vec3::X]));
+        assert!(!is_degenerate(&[Vec3::ZERO, Vec3::X * 1e-20, Vec3::Y * 1e-20]));
+    }
+
+    #[test]
+    fn rays_that_are_not_numbers_or_have_no_direction_are_refused() {
+        for bad in [f32::NAN, f32::INFINITY] {
+            assert!(TriangleRay::new(&Ray::new(Vec3::splat(bad), Vec3::Z)).is_none());
+            assert!(TriangleRay::new(&Ray::new(Vec3::ZERO, Vec3::new(0.0, bad, 1.0))).is_none());
+        }
+        assert!(TriangleRay::new(&Ray::new(Vec3::ZERO, Vec3::ZERO)).is_none());
+        assert!(
+            TriangleRay::new(&Ray {
+                t_max: f32::NAN,
+                ..Ray::new(Vec3::ZERO, Vec3::Z)
+            })
+            .is_none()
+        );
+    }
+}
