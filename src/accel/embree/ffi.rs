@@ -8,6 +8,7 @@
     dead_code,
     clippy::all,
     clippy::undocumented_unsafe_blocks,
+    clippy::allow_attributes_without_reason,
     reason = "generated from C"
 )]
 

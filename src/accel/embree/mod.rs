@@ -338,13 +338,13 @@ pub struct Embree {
 impl Embree {
     /// The ray as Embree wants it; `None` if it can hit nothing (an empty segment) or is not a number.
     #[inline]
-    fn query_ray(ray: &Ray, t_max: f32) -> Option<ffi::RTCRay> {
-        let is_valid = ray.origin.is_finite() && ray.direction.is_finite() && ray.t_min < ray.t_max;
-        is_valid.then(|| ffi::RTCRay {
+    fn query_ray(ray: &Ray, t_min: f32, t_max: f32) -> Option<ffi::RTCRay> {
+        let is_valid = ray.origin.is_finite() && ray.direction.is_finite() && t_min < t_max;
+        is_valid.then_some(ffi::RTCRay {
             org_x: ray.origin.x,
             org_y: ray.origin.y,
             org_z: ray.origin.z,
-            tnear: ray.t_min,
+            tnear: t_min,
             dir_x: ray.direction.x,
             dir_y: ray.direction.y,
             dir_z: ray.direction.z,
@@ -398,7 +398,7 @@ impl Accel for Embree {
 
     #[inline]
     fn intersect(&self, ray: &Ray) -> Option<Hit> {
-        let mut start = Embree::query_ray(ray, ray.t_max)?;
+        let mut start = Embree::query_ray(ray, ray.t_min, ray.t_max)?;
         loop {
             let mut query = ffi::RTCRayHit {
                 ray: start,
@@ -433,8 +433,10 @@ impl Accel for Embree {
 
     #[inline]
     fn occluded(&self, ray: &Ray) -> bool {
-        // Embree counts a hit at the very end, the trait does not.
-        let Some(mut query) = Embree::query_ray(ray, ray.t_max.next_down()) else {
+        // Embree may count hits at the ends, the trait does not, and there is no distance to look at: move both ends
+        // inwards by more than the rounding of Embree's comparisons.
+        const ROUNDING: f32 = 4.0 * f32::EPSILON;
+        let Some(mut query) = Embree::query_ray(ray, ray.t_min * (1.0 + ROUNDING), ray.t_max * (1.0 - ROUNDING)) else {
             return false;
         };
         // SAFETY: the scene was committed in `build`, and nothing changes it after that.
