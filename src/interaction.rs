@@ -1,8 +1,9 @@
 //! Shading data at a hit, computed from our own vertices whatever the backend, and the only ray-offset code.
 //!
 //! **Offsets.** A point computed from barycentric coordinates is off its triangle by rounding, by at most a few ulps of
-//! the largest corner coordinate on each axis (after pbrt's error bounds; the corners, not the point, because a backend
-//! computes with the corners). Rays start that far off the plane along the geometric normal. The bound is relative to the
+//! the largest corner coordinate (after pbrt's error bounds; the corners, not the point, because a backend computes with
+//! the corners; the largest of the three axes, so that a point on the plane y = 0 leaves it as well: backends differ on
+//! hits at distance 0). Rays start that far off the plane along the geometric normal. The bound is relative to the
 //! coordinates, so there is no length that suits one scene and breaks another: scaling a scene by a power of two scales
 //! every origin exactly.
 //!
@@ -19,8 +20,7 @@
 use crate::accel::{Geometry, Hit, Ray};
 use crate::math::{Frame, Vec2, Vec3};
 
-/// Bound on how far a computed point is off its triangle, in units of the largest corner coordinate on each axis:
-/// 2⁻²⁰, eight ulps. Interpolation takes three roundings; instance transforms and the backends' own arithmetic the rest.
+/// Bound on how far a computed point is off its triangle, in units of the largest corner coordinate: 2⁻²⁰, eight ulps. Interpolation takes three roundings; instance transforms and the backends' own arithmetic the rest.
 const POSITION_ERROR: f32 = 1.0 / 1_048_576.0;
 
 /// What shading needs to know about a hit.
@@ -38,8 +38,8 @@ pub struct SurfaceInteraction {
     pub front: bool,
     /// Texture coordinates; the barycentric ones where the mesh has none.
     pub uv: Vec2,
-    /// Per axis, how far `p` may be off the triangle.
-    pub p_error: Vec3,
+    /// How far `p` may be off the triangle.
+    pub p_error: f32,
     /// From `p` to the curved surface on the side of `wo`; zero without smooth normals.
     pub lift: Vec3,
 }
@@ -59,16 +59,16 @@ pub fn face_normal([a, b, c]: [Vec3; 3]) -> Option<(Vec3, f32)> {
     Some((normal.as_vec3(), cross.length() as f32))
 }
 
-/// How far a point of this triangle may be off it, per axis.
+/// How far a point of this triangle may be off it.
 #[inline]
-pub fn position_error([a, b, c]: [Vec3; 3]) -> Vec3 {
-    a.abs().max(b.abs()).max(c.abs()) * POSITION_ERROR
+pub fn position_error([a, b, c]: [Vec3; 3]) -> f32 {
+    a.abs().max(b.abs()).max(c.abs()).max_element() * POSITION_ERROR
 }
 
 /// Moves a point off its triangle to the side that the unit vector `n` (plus or minus its normal) points to.
 #[inline]
-pub fn offset_point(p: Vec3, p_error: Vec3, n: Vec3) -> Vec3 {
-    let offset = n * n.abs().dot(p_error);
+pub fn offset_point(p: Vec3, p_error: f32, n: Vec3) -> Vec3 {
+    let offset = n * p_error;
     // The sum is rounded to nearest: one more ulp outwards keeps it from falling back.
     let outwards = |sum: f32, offset: f32| {
         if offset > 0.0 {

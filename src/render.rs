@@ -112,8 +112,11 @@ pub fn render<A: Accel>(
             progress(done.fetch_add(report.paths, Ordering::Relaxed) + report.paths);
             report
         };
-        let pass_report =
-            film.tiles_mut().par_iter_mut().map(render_tile).reduce(RenderReport::default, RenderReport::plus);
+        let pass_report = film
+            .tiles_mut()
+            .par_iter_mut()
+            .map(render_tile)
+            .reduce(RenderReport::default, RenderReport::plus);
         report = report.plus(pass_report);
         start += pass;
     }

@@ -41,7 +41,10 @@ fn run_on<A: Accel>(args: &InfoArgs) -> Result<(), Failure> {
         .map_err(|e| Failure::input(format!("{}: {e}", args.scene.display())))?;
     let accel = A::build(&scene.geometry, BuildOptions::default()).map_err(Failure::internal)?;
     let [width, height] = scene.camera.resolution();
-    let memory = scene.memory_by_part().into_iter().chain([("acceleration", accel.memory_bytes())]);
+    let memory = scene
+        .memory_by_part()
+        .into_iter()
+        .chain([("acceleration", accel.memory_bytes())]);
     let info = Info {
         scene: args.scene.display().to_string(),
         scene_hash: scene.hash.clone(),
@@ -82,7 +85,13 @@ fn describe_environment(environment: &Environment) -> String {
 
 fn print_table(info: &Info) {
     let row = |name: &str, value: String| println!("{name:<14}{value}");
-    let list = |names: &[&str]| if names.is_empty() { "nothing special".to_owned() } else { names.join(", ") };
+    let list = |names: &[&str]| {
+        if names.is_empty() {
+            "nothing special".to_owned()
+        } else {
+            names.join(", ")
+        }
+    };
     row("scene", info.scene.clone());
     row("hash", info.scene_hash.clone());
     row("image", format!("{} x {}", info.width, info.height));

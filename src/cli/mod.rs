@@ -21,7 +21,11 @@ const SOFTWARE: &str = concat!("embrace ", env!("CARGO_PKG_VERSION"));
 
 /// Renders scenes by path tracing on the processor.
 #[derive(Debug, Parser)]
-#[command(name = "embrace", version, after_help = "Exit codes: 0 done, 1 internal, 2 usage, 3 scene or input, 4 output, 130 and 143 interrupted (the image so far is written).")]
+#[command(
+    name = "embrace",
+    version,
+    after_help = "Exit codes: 0 done, 1 internal, 2 usage, 3 scene or input, 4 output, 130 and 143 interrupted (the image so far is written)."
+)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -50,7 +54,11 @@ enum Backend {
 
 impl Backend {
     /// Embree where it is built in.
-    const DEFAULT: Backend = if cfg!(feature = "embree") { Backend::Embree } else { Backend::Obvhs };
+    const DEFAULT: Backend = if cfg!(feature = "embree") {
+        Backend::Embree
+    } else {
+        Backend::Obvhs
+    };
 }
 
 #[derive(Debug, Args)]
@@ -284,7 +292,9 @@ struct TonemapArgs {
 }
 
 fn parse_resolution(text: &str) -> Result<[u32; 2], String> {
-    let sides = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    let sides = text
+        .split_once('x')
+        .and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     match sides {
         Some([w, h]) if w > 0 && h > 0 => Ok([w, h]),
         _ => Err("expected WIDTHxHEIGHT in pixels, such as 640x480".into()),
@@ -324,19 +334,31 @@ struct Failure {
 
 impl Failure {
     fn internal(message: impl ToString) -> Failure {
-        Failure { code: 1, message: message.to_string() }
+        Failure {
+            code: 1,
+            message: message.to_string(),
+        }
     }
 
     fn usage(message: impl ToString) -> Failure {
-        Failure { code: 2, message: message.to_string() }
+        Failure {
+            code: 2,
+            message: message.to_string(),
+        }
     }
 
     fn input(message: impl ToString) -> Failure {
-        Failure { code: 3, message: message.to_string() }
+        Failure {
+            code: 3,
+            message: message.to_string(),
+        }
     }
 
     fn output(message: impl ToString) -> Failure {
-        Failure { code: 4, message: message.to_string() }
+        Failure {
+            code: 4,
+            message: message.to_string(),
+        }
     }
 }
 
@@ -371,9 +393,9 @@ macro_rules! with_backend {
     ($backend:expr, $function:ident($($argument:expr),*)) => {
         match $backend {
             #[cfg(feature = "embree")]
-            $crate::cli::Backend::Embree => $function::<$crate::accel::embree::EmbreeAccel>($($argument),*),
+            $crate::cli::Backend::Embree => $function::<$crate::accel::embree::Embree>($($argument),*),
             #[cfg(feature = "obvhs")]
-            $crate::cli::Backend::Obvhs => $function::<$crate::accel::obvhs::ObvhsAccel>($($argument),*),
+            $crate::cli::Backend::Obvhs => $function::<$crate::accel::obvhs::Obvhs>($($argument),*),
             #[cfg(not(all(feature = "embree", feature = "obvhs")))]
             other => Err($crate::cli::Failure::usage(format!(
                 "the backend {} is not in this build; it was built with {} alone",

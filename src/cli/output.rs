@@ -26,14 +26,26 @@ pub(super) struct Target {
 impl Target {
     /// Checks the extension, and that a file can be made there: nobody wants to learn that after the render.
     pub(super) fn new(path: &Path) -> Result<Target, Failure> {
-        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+        let extension = path
+            .extension()
+            .and_then(|e| e.to_str())
+            .unwrap_or("")
+            .to_ascii_lowercase();
         let format = match extension.as_str() {
             "exr" => Format::Exr,
             "png" => Format::Png,
-            _ => return Err(Failure::usage(format!("{}: the extension must be .exr or .png", path.display()))),
+            _ => {
+                return Err(Failure::usage(format!(
+                    "{}: the extension must be .exr or .png",
+                    path.display()
+                )));
+            }
         };
         check_writable(path)?;
-        Ok(Target { path: path.to_owned(), format })
+        Ok(Target {
+            path: path.to_owned(),
+            format,
+        })
     }
 
     /// Writes the image; `exposure` in stops is for PNG.
@@ -47,13 +59,19 @@ impl Target {
 
 /// Metadata that every image has.
 pub(super) fn metadata() -> ExrMetadata {
-    ExrMetadata { software: SOFTWARE.into(), ..ExrMetadata::default() }
+    ExrMetadata {
+        software: SOFTWARE.into(),
+        ..ExrMetadata::default()
+    }
 }
 
 /// Fails if `path` names a directory, or a file cannot be made beside it.
 pub(super) fn check_writable(path: &Path) -> Result<(), Failure> {
     if path.is_dir() {
-        return Err(Failure::output(format!("{}: is a directory; give a file name", path.display())));
+        return Err(Failure::output(format!(
+            "{}: is a directory; give a file name",
+            path.display()
+        )));
     }
     temporary(path).map(drop)
 }
@@ -64,7 +82,10 @@ pub(super) fn write_atomically<E: ToString>(
     write: impl FnOnce(&mut dyn Write) -> Result<(), E>,
 ) -> Result<(), Failure> {
     let failure = |e: &dyn std::fmt::Display| {
-        Failure::output(format!("{}: cannot be written: {e}; check the free space and the permissions", path.display()))
+        Failure::output(format!(
+            "{}: cannot be written: {e}; check the free space and the permissions",
+            path.display()
+        ))
     };
     let mut file = temporary(path)?;
     let mut writer = BufWriter::with_capacity(1 << 20, file.as_file_mut());

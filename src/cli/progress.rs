@@ -15,10 +15,7 @@ pub(super) enum Progress {
     /// A bar with rate and time left.
     Bar(ProgressBar),
     /// `Progress: 42.0%`
-    Lines {
-        total: u64,
-        last: Mutex<Instant>,
-    },
+    Lines { total: u64, last: Mutex<Instant> },
 }
 
 impl Progress {
@@ -30,13 +27,19 @@ impl Progress {
             let bar = ProgressBar::new(total);
             let template = "{bar:32} {percent:>3}%  {per_sec}  {elapsed} gone, {eta} left";
             if let Ok(style) = ProgressStyle::with_template(template) {
-                bar.set_style(style.with_key("per_sec", |state: &indicatif::ProgressState, w: &mut dyn std::fmt::Write| {
-                    let _ = write!(w, "{:.2} Mpaths/s", state.per_sec() * 1e-6);
-                }));
+                bar.set_style(style.with_key(
+                    "per_sec",
+                    |state: &indicatif::ProgressState, w: &mut dyn std::fmt::Write| {
+                        let _ = write!(w, "{:.2} Mpaths/s", state.per_sec() * 1e-6);
+                    },
+                ));
             }
             Progress::Bar(bar)
         } else {
-            Progress::Lines { total, last: Mutex::new(Instant::now()) }
+            Progress::Lines {
+                total,
+                last: Mutex::new(Instant::now()),
+            }
         }
     }
 

@@ -53,7 +53,11 @@ struct Rays {
 }
 
 pub(super) fn run(args: &RenderArgs) -> Result<u8, Failure> {
-    let targets = args.output.iter().map(|path| Target::new(path)).collect::<Result<Vec<_>, _>>()?;
+    let targets = args
+        .output
+        .iter()
+        .map(|path| Target::new(path))
+        .collect::<Result<Vec<_>, _>>()?;
     if let Some(stats) = &args.stats {
         output::check_writable(stats)?;
     }
@@ -62,7 +66,9 @@ pub(super) fn run(args: &RenderArgs) -> Result<u8, Failure> {
     if let Some(threads) = args.threads {
         pool = pool.num_threads(usize::from(threads));
     }
-    let pool = pool.build().map_err(|e| Failure::internal(format!("threads cannot be started: {e}")))?;
+    let pool = pool
+        .build()
+        .map_err(|e| Failure::internal(format!("threads cannot be started: {e}")))?;
     pool.install(|| with_backend!(args.backend, run_on(args, &targets, &interrupt)))
 }
 
@@ -85,22 +91,34 @@ fn run_on<A: Accel>(args: &RenderArgs, targets: &[Target], interrupt: &Interrupt
     check_settings(&settings)?;
 
     let start = Instant::now();
-    let options = SceneOptions { env_sampling: settings.env_sampling, instancing: args.estimator.instancing() };
-    let scene = Scene::build(desc, options)
-        .map_err(|e| Failure::input(format!("{}: {e}", args.scene.display())))?;
+    let options = SceneOptions {
+        env_sampling: settings.env_sampling,
+        instancing: args.estimator.instancing(),
+    };
+    let scene = Scene::build(desc, options).map_err(|e| Failure::input(format!("{}: {e}", args.scene.display())))?;
     let accel = A::build(&scene.geometry, BuildOptions::default()).map_err(Failure::internal)?;
     let build_seconds = start.elapsed().as_secs_f64();
 
     let (features, kernel) = kernel_for::<A>(&scene, args.estimator.kernel());
     let [width, height] = scene.camera.resolution();
     let crop = crop(args, [width, height])?;
-    let job = Job { crop, spp: args.spp, settings };
+    let job = Job {
+        crop,
+        spp: args.spp,
+        settings,
+    };
     let progress = Progress::new(crop.pixels() * u64::from(args.spp), args.quiet);
 
     interrupt.keep_image();
     let (start, start_cpu) = (Instant::now(), process_seconds());
-    let (film, report) =
-        render(&scene, &accel, kernel, &job, &|| interrupt.raised().is_some(), &|done| progress.update(done));
+    let (film, report) = render(
+        &scene,
+        &accel,
+        kernel,
+        &job,
+        &|| interrupt.raised().is_some(),
+        &|done| progress.update(done),
+    );
     let (render_seconds, render_cpu_seconds) = (start.elapsed().as_secs_f64(), process_seconds() - start_cpu);
     let (fewest, most) = film.sample_range();
     let interrupted = fewest < args.spp;
@@ -150,7 +168,11 @@ fn run_on<A: Accel>(args: &RenderArgs, targets: &[Target], interrupt: &Interrupt
             lights: scene.lights.len(),
             paths: report.paths,
             paths_per_second: report.paths as f64 / render_seconds.max(1e-9),
-            rays: Rays { camera: report.rays.camera, bounce: report.rays.bounce, shadow: report.rays.shadow },
+            rays: Rays {
+                camera: report.rays.camera,
+                bounce: report.rays.bounce,
+                shadow: report.rays.shadow,
+            },
             dropped_samples: report.dropped,
             peak_memory_bytes: peak_memory_bytes(),
             warnings: &warnings,
@@ -161,7 +183,10 @@ fn run_on<A: Accel>(args: &RenderArgs, targets: &[Target], interrupt: &Interrupt
         return Ok(0);
     }
     if !args.quiet {
-        eprintln!("interrupted: the image has {fewest} to {most} of {} samples per pixel", args.spp);
+        eprintln!(
+            "interrupted: the image has {fewest} to {most} of {} samples per pixel",
+            args.spp
+        );
     }
     Ok(interrupt.raised().unwrap_or(1))
 }
@@ -177,16 +202,28 @@ fn check_settings(settings: &Settings) -> Result<(), Failure> {
 }
 
 fn crop(args: &RenderArgs, [width, height]: [u32; 2]) -> Result<Rect, Failure> {
-    let Some([x0, y0, x1, y1]) = args.crop else { return Ok(Rect { x0: 0, y0: 0, x1: width, y1: height }) };
+    let Some([x0, y0, x1, y1]) = args.crop else {
+        return Ok(Rect {
+            x0: 0,
+            y0: 0,
+            x1: width,
+            y1: height,
+        });
+    };
     if x1 > width || y1 > height {
-        return Err(Failure::usage(format!("--crop {x0},{y0},{x1},{y1} goes beyond the image of {width} x {height}")));
+        return Err(Failure::usage(format!(
+            "--crop {x0},{y0},{x1},{y1} goes beyond the image of {width} x {height}"
+        )));
     }
     Ok(Rect { x0, y0, x1, y1 })
 }
 
 fn describe_dropped(dropped: &DroppedSamples) -> String {
     let first = dropped.first.map_or_else(String::new, |f| {
-        format!(": the first is sample {} of the pixel in column {}, row {}", f.sample, f.x, f.y)
+        format!(
+            ": the first is sample {} of the pixel in column {}, row {}",
+            f.sample, f.x, f.y
+        )
     });
     format!("{} samples were not finite and count as black{first}", dropped.count)
 }

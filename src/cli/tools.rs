@@ -2,7 +2,7 @@
 
 use super::output::{self, Target};
 use super::{CompareArgs, Failure, TonemapArgs};
-use crate::image::{self, Image, compare::compare as compare_images, display, flip, ldr};
+use crate::image::{self, Image, compare::compare as compare_images, flip, ldr};
 use crate::math::Rgb;
 use std::path::Path;
 
@@ -24,7 +24,10 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         output::write_atomically(path, |writer| ldr::write_png(writer, &map, path))?;
     }
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&comparison).map_err(Failure::internal)?);
+        println!(
+            "{}",
+            serde_json::to_string_pretty(&comparison).map_err(Failure::internal)?
+        );
         return Ok(());
     }
     let [r, g, b] = comparison.mean_ratio;
@@ -53,5 +56,8 @@ fn check_png(path: &Path) -> Result<(), Failure> {
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
         return Ok(());
     }
-    Err(Failure::usage(format!("{}: the extension must be .png", path.display())))
+    Err(Failure::usage(format!(
+        "{}: the extension must be .png",
+        path.display()
+    )))
 }

@@ -21,7 +21,11 @@ mod tests {
 
     #[test]
     fn exposure_doubles_per_stop_and_values_are_clamped() {
-        let image = Image { width: 3, height: 1, pixels: vec![Rgb::splat(0.25), Rgb::splat(-1.0), Rgb::splat(f32::NAN)] };
+        let image = Image {
+            width: 3,
+            height: 1,
+            pixels: vec![Rgb::splat(0.25), Rgb::splat(-1.0), Rgb::splat(f32::NAN)],
+        };
         assert_eq!(to_srgb8(&image, 2.0).pixels, [[255; 3], [0; 3], [0; 3]]);
         assert_eq!(to_srgb8(&image, 0.0).pixels[0], [137; 3]);
     }

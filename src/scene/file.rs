@@ -33,7 +33,11 @@ pub(super) struct SceneFile {
 #[derive(Debug)]
 pub(super) enum EnvironmentEntry {
     Constant(Rgb),
-    File { file: String, scale: f32, rotation_degrees: f64 },
+    File {
+        file: String,
+        scale: f32,
+        rotation_degrees: f64,
+    },
 }
 
 /// A colour or the bitmap that it comes from.
@@ -45,11 +49,26 @@ pub(super) enum ColourEntry {
 
 #[derive(Debug)]
 pub(super) enum MaterialEntry {
-    Diffuse { reflectance: ColourEntry },
-    Conductor { eta: Rgb, k: Rgb, alpha: f32 },
-    Dielectric { ior: f32, alpha: f32 },
-    Mirror { reflectance: Rgb },
-    Plastic { reflectance: ColourEntry, specular: Rgb, alpha: f32 },
+    Diffuse {
+        reflectance: ColourEntry,
+    },
+    Conductor {
+        eta: Rgb,
+        k: Rgb,
+        alpha: f32,
+    },
+    Dielectric {
+        ior: f32,
+        alpha: f32,
+    },
+    Mirror {
+        reflectance: Rgb,
+    },
+    Plastic {
+        reflectance: ColourEntry,
+        specular: Rgb,
+        alpha: f32,
+    },
 }
 
 #[derive(Debug)]
@@ -88,13 +107,21 @@ pub(super) fn parse(value: &Value) -> Result<SceneFile> {
         None => Vec::new(),
     };
     let meshes = match root.get("meshes") {
-        Some(field) => {
-            field.array()?.iter().map(|f| mesh(&f.table()?, &materials)).collect::<Result<Vec<_>>>()?
-        }
+        Some(field) => field
+            .array()?
+            .iter()
+            .map(|f| mesh(&f.table()?, &materials))
+            .collect::<Result<Vec<_>>>()?,
         None => Vec::new(),
     };
     root.finish()?;
-    Ok(SceneFile { camera, max_depth, environment, materials, meshes })
+    Ok(SceneFile {
+        camera,
+        max_depth,
+        environment,
+        materials,
+        meshes,
+    })
 }
 
 fn camera(table: &Table<'_>) -> Result<CameraDesc> {
@@ -109,8 +136,13 @@ fn camera(table: &Table<'_>) -> Result<CameraDesc> {
         up: table.get("up").map_or(Ok(DVec3::Y), |f| f.vector())?,
         vfov_degrees: table.require("vfov")?.number()?,
         resolution: [width.count()?, height.count()?],
-        aperture_radius: table.get("aperture_radius").map_or(Ok(0.0), |f| f.number_in(0.0, f64::MAX))?,
-        focus_distance: table.get("focus_distance").map(|f| f.number_in(0.0, f64::MAX)).transpose()?,
+        aperture_radius: table
+            .get("aperture_radius")
+            .map_or(Ok(0.0), |f| f.number_in(0.0, f64::MAX))?,
+        focus_distance: table
+            .get("focus_distance")
+            .map(|f| f.number_in(0.0, f64::MAX))
+            .transpose()?,
     };
     table.finish()?;
     Ok(desc)
@@ -124,7 +156,11 @@ fn environment(field: &Field<'_>) -> Result<EnvironmentEntry> {
     let rotation_degrees = table.get("rotation_deg").map_or(Ok(0.0), |f| f.number())?;
     table.finish()?;
     match (file, radiance) {
-        (Some(file), None) => Ok(EnvironmentEntry::File { file: file.to_owned(), scale, rotation_degrees }),
+        (Some(file), None) => Ok(EnvironmentEntry::File {
+            file: file.to_owned(),
+            scale,
+            rotation_degrees,
+        }),
         (None, Some(radiance)) => Ok(EnvironmentEntry::Constant(radiance * scale)),
         (Some(_), Some(_)) => Err(field.error("has both `file` and `radiance`; keep one")),
         (None, None) => Err(field.error("needs `file` (a latitude-longitude map) or `radiance` = [r, g, b]")),
@@ -152,7 +188,9 @@ fn material(table: &Table<'_>) -> Result<MaterialEntry> {
         Ok(table.get("alpha").map_or(Ok(default), |f| f.number_in(low, 1.0))? as f32)
     };
     let entry = match kind {
-        MaterialKind::Diffuse => MaterialEntry::Diffuse { reflectance: colour(table)? },
+        MaterialKind::Diffuse => MaterialEntry::Diffuse {
+            reflectance: colour(table)?,
+        },
         MaterialKind::Conductor => {
             let eta = table.require("eta")?;
             let index = eta.rgb_in(0.0, MAX_INDEX)?;
@@ -165,15 +203,18 @@ fn material(table: &Table<'_>) -> Result<MaterialEntry> {
                 alpha: alpha(0.0, 0.0)?,
             }
         }
-        MaterialKind::Dielectric => {
-            MaterialEntry::Dielectric { ior: table.require("ior")?.number_in(0.01, 100.0)? as f32, alpha: alpha(0.0, 0.0)? }
-        }
-        MaterialKind::Mirror => {
-            MaterialEntry::Mirror { reflectance: table.get("rgb").map_or(Ok(Rgb::WHITE), |f| f.rgb_in(0.0, 1.0))? }
-        }
+        MaterialKind::Dielectric => MaterialEntry::Dielectric {
+            ior: table.require("ior")?.number_in(0.01, 100.0)? as f32,
+            alpha: alpha(0.0, 0.0)?,
+        },
+        MaterialKind::Mirror => MaterialEntry::Mirror {
+            reflectance: table.get("rgb").map_or(Ok(Rgb::WHITE), |f| f.rgb_in(0.0, 1.0))?,
+        },
         MaterialKind::Plastic => MaterialEntry::Plastic {
             reflectance: colour(table)?,
-            specular: table.get("specular").map_or(Ok(Rgb::splat(0.04)), |f| f.rgb_in(0.0, 1.0))?,
+            specular: table
+                .get("specular")
+                .map_or(Ok(Rgb::splat(0.04)), |f| f.rgb_in(0.0, 1.0))?,
             alpha: alpha(0.1, f64::from(PLASTIC_MIN_ALPHA))?,
         },
     };
@@ -186,7 +227,10 @@ fn colour(table: &Table<'_>) -> Result<ColourEntry> {
     let texture = table.get("texture");
     let encoding = table
         .get("encoding")
-        .map(|f| f.word(&[("srgb", Encoding::Srgb), ("linear", Encoding::Linear)]).map(|e| (f, e)))
+        .map(|f| {
+            f.word(&[("srgb", Encoding::Srgb), ("linear", Encoding::Linear)])
+                .map(|e| (f, e))
+        })
         .transpose()?;
     match (rgb, texture) {
         (Some(rgb), None) => match encoding {
@@ -200,10 +244,13 @@ fn colour(table: &Table<'_>) -> Result<ColourEntry> {
         (Some(rgb), Some(_)) => Err(rgb.error("stands beside `texture`; keep one")),
         (None, None) => {
             // Names the table and not a key that may be any of two.
-            table.require("rgb").map(|_| ColourEntry::Rgb(Rgb::BLACK)).map_err(|e| KeyError {
-                problem: "is missing; give `rgb` = [r, g, b] or `texture` = \"file\"".into(),
-                ..e
-            })
+            table
+                .require("rgb")
+                .map(|_| ColourEntry::Rgb(Rgb::BLACK))
+                .map_err(|e| KeyError {
+                    problem: "is missing; give `rgb` = [r, g, b] or `texture` = \"file\"".into(),
+                    ..e
+                })
         }
     }
 }
@@ -214,10 +261,16 @@ fn mesh(table: &Table<'_>, materials: &[(String, MaterialEntry)]) -> Result<Mesh
         Some(field) => {
             let name = field.string()?;
             let names = || materials.iter().map(|(name, _)| name.as_str());
-            Some(names().position(|n| n == name).ok_or_else(|| match nearest(name, names()) {
-                Some(near) => field.error(format!("there is no material \"{name}\"; did you mean \"{near}\"?")),
-                None => field.error(format!("there is no material \"{name}\"; add a table [materials.{name}]")),
-            })?)
+            Some(
+                names()
+                    .position(|n| n == name)
+                    .ok_or_else(|| match nearest(name, names()) {
+                        Some(near) => field.error(format!("there is no material \"{name}\"; did you mean \"{near}\"?")),
+                        None => field.error(format!(
+                            "there is no material \"{name}\"; add a table [materials.{name}]"
+                        )),
+                    })?,
+            )
         }
     };
     let emission = table
@@ -225,7 +278,9 @@ fn mesh(table: &Table<'_>, materials: &[(String, MaterialEntry)]) -> Result<Mesh
         .map(|f| {
             let table = f.table()?;
             let radiance = table.require("radiance")?.rgb_in(0.0, MAX_RADIANCE)?;
-            let both_sides = table.get("sides").map_or(Ok(false), |f| f.word(&[("front", false), ("both", true)]))?;
+            let both_sides = table
+                .get("sides")
+                .map_or(Ok(false), |f| f.word(&[("front", false), ("both", true)]))?;
             table.finish()?;
             Ok(Emission { radiance, both_sides })
         })
@@ -233,7 +288,9 @@ fn mesh(table: &Table<'_>, materials: &[(String, MaterialEntry)]) -> Result<Mesh
     let entry = MeshEntry {
         file: table.require("file")?.string()?.to_owned(),
         material,
-        to_world: table.get("transform").map_or(Ok(DAffine3::IDENTITY), |f| transform(&f))?,
+        to_world: table
+            .get("transform")
+            .map_or(Ok(DAffine3::IDENTITY), |f| transform(&f))?,
         emission,
     };
     table.finish()?;
@@ -251,7 +308,10 @@ fn transform(field: &Field<'_>) -> Result<DAffine3> {
         return Err(w.error("the last row must be [0, 0, 0, 1]: projections are not supported"));
     }
     let column = |i: usize| DVec3::new(x[i], y[i], z[i]);
-    let transform = DAffine3 { matrix3: DMat3::from_cols(column(0), column(1), column(2)), translation: column(3) };
+    let transform = DAffine3 {
+        matrix3: DMat3::from_cols(column(0), column(1), column(2)),
+        translation: column(3),
+    };
     if !is_invertible(&transform) {
         return Err(field.error("the matrix is singular: it would flatten the mesh"));
     }

@@ -78,7 +78,11 @@ pub enum LoadError {
 /// [`LoadError`] for anything that leaves no defined scene. What has a visible default is a warning in the description
 /// instead, unless `options.strict`.
 pub fn load(path: &Path, options: LoadOptions) -> Result<SceneDesc, LoadError> {
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+    let extension = path
+        .extension()
+        .and_then(|e| e.to_str())
+        .unwrap_or("")
+        .to_ascii_lowercase();
     let desc = match extension.as_str() {
         "toml" | "json" => load_scene_file(path, extension == "toml")?,
         "obj" => load_mesh_alone(path)?,
@@ -92,15 +96,21 @@ pub fn load(path: &Path, options: LoadOptions) -> Result<SceneDesc, LoadError> {
 
 fn load_scene_file(path: &Path, is_toml: bool) -> Result<SceneDesc, LoadError> {
     let bytes = read_file(path)?;
-    let syntax = |message: String| LoadError::Syntax { path: path.to_owned(), message };
+    let syntax = |message: String| LoadError::Syntax {
+        path: path.to_owned(),
+        message,
+    };
     let text = std::str::from_utf8(&bytes).map_err(|e| syntax(format!("not UTF-8 text: {e}")))?;
     let value: serde_json::Value = if is_toml {
         toml::from_str(text).map_err(|e| syntax(e.to_string().trim_end().to_owned()))?
     } else {
         serde_json::from_str(text).map_err(|e| syntax(e.to_string()))?
     };
-    let file = file::parse(&value)
-        .map_err(|KeyError { key, problem }| LoadError::Key { path: path.to_owned(), key, problem })?;
+    let file = file::parse(&value).map_err(|KeyError { key, problem }| LoadError::Key {
+        path: path.to_owned(),
+        key,
+        problem,
+    })?;
     let base = path.parent().unwrap_or(Path::new(""));
     let mut hasher = blake3::Hasher::new();
     hasher.update(&bytes);
@@ -108,17 +118,29 @@ fn load_scene_file(path: &Path, is_toml: bool) -> Result<SceneDesc, LoadError> {
 }
 
 fn load_mesh_alone(path: &Path) -> Result<SceneDesc, LoadError> {
-    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let name = path
+        .file_name()
+        .map(|n| n.to_string_lossy().into_owned())
+        .unwrap_or_default();
     let file = SceneFile {
         camera: framing(Vec3::ZERO, Vec3::ONE),
         max_depth: None,
         environment: Some(EnvironmentEntry::Constant(Rgb::WHITE)),
         materials: Vec::new(),
-        meshes: vec![MeshEntry { file: name, material: None, to_world: DAffine3::IDENTITY, emission: None }],
+        meshes: vec![MeshEntry {
+            file: name,
+            material: None,
+            to_world: DAffine3::IDENTITY,
+            emission: None,
+        }],
     };
     let mut desc = assemble(file, path.parent().unwrap_or(Path::new("")), blake3::Hasher::new())?;
     let infinite = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    let (low, high) = desc.meshes.iter().map(|m| m.bounds()).fold(infinite, |(a, b), (c, d)| (a.min(c), b.max(d)));
+    let (low, high) = desc
+        .meshes
+        .iter()
+        .map(|m| m.bounds())
+        .fold(infinite, |(a, b), (c, d)| (a.min(c), b.max(d)));
     desc.camera = framing(low, high);
     Ok(desc)
 }
@@ -128,7 +150,9 @@ fn framing(low: Vec3, high: Vec3) -> CameraDesc {
     let (low, high) = (low.as_dvec3(), high.as_dvec3());
     let centre = (low + high) * 0.5;
     // A point still needs a distance to be seen from.
-    let radius = ((high - low).length() * 0.5).max(centre.length() * 1e-6).max(f64::from(f32::MIN_POSITIVE));
+    let radius = ((high - low).length() * 0.5)
+        .max(centre.length() * 1e-6)
+        .max(f64::from(f32::MIN_POSITIVE));
     let vfov_degrees = 40.0f64;
     let distance = radius / (vfov_degrees.to_radians() * 0.5).sin();
     CameraDesc {
@@ -143,7 +167,10 @@ fn framing(low: Vec3, high: Vec3) -> CameraDesc {
 }
 
 fn read_file(path: &Path) -> Result<Vec<u8>, LoadError> {
-    fs::read(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })
+    fs::read(path).map_err(|source| LoadError::Read {
+        path: path.to_owned(),
+        source,
+    })
 }
 
 /// Passes bytes on and hashes them.
@@ -162,8 +189,14 @@ impl<R: Read> Read for Hashing<R> {
 
 /// A mesh file and the hash over it and its material libraries.
 fn read_obj(path: &Path) -> Result<(ObjScene, blake3::Hash), LoadError> {
-    let file = File::open(path).map_err(|source| LoadError::Read { path: path.to_owned(), source })?;
-    let mut reader = Hashing { inner: file, hasher: blake3::Hasher::new() };
+    let file = File::open(path).map_err(|source| LoadError::Read {
+        path: path.to_owned(),
+        source,
+    })?;
+    let mut reader = Hashing {
+        inner: file,
+        hasher: blake3::Hasher::new(),
+    };
     let mut libraries = blake3::Hasher::new();
     let base = path.parent().unwrap_or(Path::new(""));
     let scene = obj::read(path, BufReader::with_capacity(1 << 20, &mut reader), |name| {
@@ -223,7 +256,12 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
     }
     let (environment, objs) = rayon::join(
         || file.environment.as_ref().map(|e| load_environment(e, base)).transpose(),
-        || obj_paths.par_iter().map(|path| read_obj(path)).collect::<Result<Vec<_>, _>>(),
+        || {
+            obj_paths
+                .par_iter()
+                .map(|path| read_obj(path))
+                .collect::<Result<Vec<_>, _>>()
+        },
     );
     let (environment, objs) = (environment?, objs?);
     let mut objs: Vec<ObjScene> = objs
@@ -243,10 +281,13 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
         if named_index[material].is_none() {
             named_index[material] = Some(named_used.len());
             let bitmap = match &file.materials[material].1 {
-                MaterialEntry::Diffuse { reflectance: ColourEntry::Texture { file, encoding } }
-                | MaterialEntry::Plastic { reflectance: ColourEntry::Texture { file, encoding }, .. } => {
-                    Some(bitmaps.want(base.join(file), Role::Colour(*encoding)))
+                MaterialEntry::Diffuse {
+                    reflectance: ColourEntry::Texture { file, encoding },
                 }
+                | MaterialEntry::Plastic {
+                    reflectance: ColourEntry::Texture { file, encoding },
+                    ..
+                } => Some(bitmaps.want(base.join(file), Role::Colour(*encoding))),
                 _ => None,
             };
             named_used.push((material, bitmap));
@@ -256,24 +297,37 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
     let mut mtl_index: HashMap<(usize, usize), usize> = HashMap::new();
     let mut mtl_used: Vec<MtlUse<'_>> = Vec::new();
     for (entry, &obj) in file.meshes.iter().zip(&obj_of_entry) {
-        for material in objs[obj].parts.iter().filter_map(|part| part.material).filter(|_| entry.material.is_none()) {
+        for material in objs[obj]
+            .parts
+            .iter()
+            .filter_map(|part| part.material)
+            .filter(|_| entry.material.is_none())
+        {
             mtl_index.entry((obj, material)).or_insert_with(|| {
                 let mtl = &objs[obj].materials[material];
-                let directory = obj_paths[obj].parent().unwrap_or(Path::new(""));
-                let mut want = |map: &Option<MapRef>, role| {
-                    map.as_ref().map(|map| bitmaps.want(directory.join(&map.file), role))
-                };
+                let library = obj_paths[obj].with_file_name(&mtl.library);
+                let directory = library.parent().unwrap_or(Path::new(""));
+                let mut want =
+                    |map: &Option<MapRef>, role| map.as_ref().map(|map| bitmaps.want(directory.join(&map.file), role));
                 let map_kd = want(&mtl.map_kd, Role::Colour(None)).zip(mtl.map_kd.as_ref());
                 let map_d = want(&mtl.map_d, Role::Coverage).zip(mtl.map_d.as_ref());
-                mtl_used.push(MtlUse { mtl, file: &obj_paths[obj], map_kd, map_d });
+                mtl_used.push(MtlUse {
+                    mtl,
+                    file: &obj_paths[obj],
+                    map_kd,
+                    map_d,
+                });
                 mtl_used.len() - 1
             });
         }
     }
 
     // Decode the bitmaps; those of the scene file must be there, those of material libraries have a default.
-    let decoded: Vec<Result<(Texture, blake3::Hash), LoadError>> =
-        bitmaps.wanted.par_iter().map(|(path, role)| load_texture(path, *role)).collect();
+    let decoded: Vec<Result<(Texture, blake3::Hash), LoadError>> = bitmaps
+        .wanted
+        .par_iter()
+        .map(|(path, role)| load_texture(path, *role))
+        .collect();
     let mut textures = Vec::new();
     let mut texture_of_bitmap = Vec::with_capacity(decoded.len());
     for (bitmap, result) in decoded.into_iter().enumerate() {
@@ -296,29 +350,51 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
     for (material, bitmap) in &named_used {
         let (name, entry) = &file.materials[*material];
         let texture = bitmap.and_then(|b| texture_of_bitmap[b]);
-        materials.push((name.clone(), Material { scattering: scattering(entry, texture), opacity: None }));
+        materials.push((
+            name.clone(),
+            Material {
+                scattering: scattering(entry, texture),
+                opacity: None,
+            },
+        ));
     }
     let first_mtl = materials.len();
-    for MtlUse { mtl, file, map_kd, map_d } in &mtl_used {
+    for MtlUse {
+        mtl,
+        file,
+        map_kd,
+        map_d,
+    } in &mtl_used
+    {
         let spectrum = |map: &Option<(usize, &MapRef)>, missing: Rgb| {
             map.map(|(bitmap, map)| match texture_of_bitmap[bitmap] {
                 Some(texture) => Spectrum::Bitmap(
-                    TextureMap { texture, scale: map.scale.into(), offset: map.offset.into() },
+                    TextureMap {
+                        texture,
+                        scale: map.scale.into(),
+                        offset: map.offset.into(),
+                    },
                     Rgb::WHITE,
                 ),
                 None => Spectrum::Constant(missing),
             })
         };
-        let (material, notes) =
-            obj_material::convert(mtl, spectrum(map_kd, MISSING), spectrum(map_d, Rgb::WHITE));
-        warnings.extend(notes.into_iter().map(|note| format!("{}: material {}: {note}", file.display(), mtl.name)));
+        let (material, notes) = obj_material::convert(mtl, spectrum(map_kd, MISSING), spectrum(map_d, Rgb::WHITE));
+        warnings.extend(
+            notes
+                .into_iter()
+                .map(|note| format!("{}: material {}: {note}", file.display(), mtl.name)),
+        );
         materials.push((mtl.name.clone(), material));
     }
     let mtl_emission: Vec<Option<Emission>> = mtl_used
         .iter()
         .map(|used| {
             let radiance = used.mtl.ke.filter(|ke| ke.is_finite() && !ke.is_black())?;
-            Some(Emission { radiance: radiance.map(|c| c.max(0.0)), both_sides: true })
+            Some(Emission {
+                radiance: radiance.map(|c| c.max(0.0)),
+                both_sides: true,
+            })
         })
         .collect();
     drop(mtl_used);
@@ -380,27 +456,42 @@ const MISSING: Rgb = Rgb::new(0.8, 0.0, 0.8);
 
 /// Parts of mesh files for which nobody names a material.
 const DEFAULT_MATERIAL: Material = Material {
-    scattering: Scattering::Diffuse { reflectance: Spectrum::Constant(Rgb::splat(0.5)) },
+    scattering: Scattering::Diffuse {
+        reflectance: Spectrum::Constant(Rgb::splat(0.5)),
+    },
     opacity: None,
 };
 
 fn scattering(entry: &MaterialEntry, texture: Option<u32>) -> Scattering {
     let spectrum = |colour: &ColourEntry| match (colour, texture) {
         (ColourEntry::Rgb(rgb), _) => Spectrum::Constant(*rgb),
-        (ColourEntry::Texture { .. }, Some(texture)) => {
-            Spectrum::Bitmap(TextureMap { texture, scale: Vec2::ONE, offset: Vec2::ZERO }, Rgb::WHITE)
-        }
+        (ColourEntry::Texture { .. }, Some(texture)) => Spectrum::Bitmap(
+            TextureMap {
+                texture,
+                scale: Vec2::ONE,
+                offset: Vec2::ZERO,
+            },
+            Rgb::WHITE,
+        ),
         // Bitmaps of the scene file are there, or loading has failed.
         (ColourEntry::Texture { .. }, None) => Spectrum::Constant(MISSING),
     };
     match entry {
-        MaterialEntry::Diffuse { reflectance } => Scattering::Diffuse { reflectance: spectrum(reflectance) },
+        MaterialEntry::Diffuse { reflectance } => Scattering::Diffuse {
+            reflectance: spectrum(reflectance),
+        },
         &MaterialEntry::Conductor { eta, k, alpha } => Scattering::Conductor { eta, k, alpha },
         &MaterialEntry::Dielectric { ior, alpha } => Scattering::Dielectric { ior, alpha },
         &MaterialEntry::Mirror { reflectance } => Scattering::Mirror { reflectance },
-        MaterialEntry::Plastic { reflectance, specular, alpha } => {
-            Scattering::Plastic { reflectance: spectrum(reflectance), specular: *specular, alpha: *alpha }
-        }
+        MaterialEntry::Plastic {
+            reflectance,
+            specular,
+            alpha,
+        } => Scattering::Plastic {
+            reflectance: spectrum(reflectance),
+            specular: *specular,
+            alpha: *alpha,
+        },
     }
 }
 
@@ -422,14 +513,20 @@ fn load_texture(path: &Path, role: Role) -> Result<(Texture, blake3::Hash), Load
         (Decoded::Encoded(LdrImage::Bits16 { rgb, .. }), role) => {
             // Sixteen bits are linear unless the scene says otherwise: the default of sRGB is for eight.
             let srgb = role == Role::Colour(Some(Encoding::Srgb));
-            Texture::Rgb32(map_pixels(rgb, |c| Rgb::from(if srgb { c.map(srgb_decode) } else { c })))
+            Texture::Rgb32(map_pixels(rgb, |c| {
+                Rgb::from(if srgb { c.map(srgb_decode) } else { c })
+            }))
         }
     };
     Ok((texture, hash))
 }
 
 fn map_pixels<T, U>(image: Image<T>, f: impl Fn(T) -> U) -> Image<U> {
-    Image { width: image.width, height: image.height, pixels: image.pixels.into_iter().map(f).collect() }
+    Image {
+        width: image.width,
+        height: image.height,
+        pixels: image.pixels.into_iter().map(f).collect(),
+    }
 }
 
 /// Reflectance from a file of unlimited range: NaN and negative become 0, what exceeds 1 becomes 1.
@@ -445,7 +542,11 @@ fn load_environment(entry: &EnvironmentEntry, base: &Path) -> Result<LoadedEnvir
         EnvironmentEntry::Constant(radiance) => {
             return Ok((EnvironmentDesc::Constant(*radiance), blake3::hash(b""), Vec::new()));
         }
-        EnvironmentEntry::File { file, scale, rotation_degrees } => (file, *scale, *rotation_degrees),
+        EnvironmentEntry::File {
+            file,
+            scale,
+            rotation_degrees,
+        } => (file, *scale, *rotation_degrees),
     };
     let path = base.join(file);
     let bytes = read_file(&path)?;
@@ -454,9 +555,20 @@ fn load_environment(entry: &EnvironmentEntry, base: &Path) -> Result<LoadedEnvir
     drop(bytes);
     let mut warnings = sanitise_radiance(&mut image, scale, &path);
     if image.pixels.iter().all(|p| p.is_black()) {
-        warnings.push(format!("{}: the environment map is black; it gives no light", path.display()));
+        warnings.push(format!(
+            "{}: the environment map is black; it gives no light",
+            path.display()
+        ));
     }
-    Ok((EnvironmentDesc::Map { image: Arc::new(image), scale, rotation_degrees }, hash, warnings))
+    Ok((
+        EnvironmentDesc::Map {
+            image: Arc::new(image),
+            scale,
+            rotation_degrees,
+        },
+        hash,
+        warnings,
+    ))
 }
 
 /// Makes every texel finite and 0 or more, also after scaling, and says how many were not.
@@ -483,11 +595,18 @@ fn sanitise_radiance(image: &mut Image<Rgb>, scale: f32, path: &Path) -> Vec<Str
     let mut warnings = Vec::new();
     let mut warn = |count: u64, what: &str, instead: String| {
         if count > 0 {
-            warnings.push(format!("{}: {count} texel values are {what}; {instead} is used", path.display()));
+            warnings.push(format!(
+                "{}: {count} texel values are {what}; {instead} is used",
+                path.display()
+            ));
         }
     };
     warn(negative, "negative", "0".into());
     warn(nan, "NaN", "0".into());
-    warn(infinite, "infinite or beyond 1e30", format!("the largest other value, {largest},"));
+    warn(
+        infinite,
+        "infinite or beyond 1e30",
+        format!("the largest other value, {largest},"),
+    );
     warnings
 }

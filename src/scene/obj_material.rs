@@ -39,17 +39,28 @@ pub(super) fn convert(mtl: &MtlMaterial, map_kd: Option<Spectrum>, map_d: Option
     let scattering = if glass {
         let smooth = mtl.pr.is_none();
         let ior = mtl.ni.filter(|ni| (0.01..=100.0).contains(ni)).unwrap_or(1.5);
-        Scattering::Dielectric { ior, alpha: if smooth { 0.0 } else { alpha } }
+        Scattering::Dielectric {
+            ior,
+            alpha: if smooth { 0.0 } else { alpha },
+        }
     } else if metallic >= 0.5 || mirror_like {
         if matches!(base, Spectrum::Bitmap(..)) {
             notes.push("a metal's colour cannot come from a bitmap; Kd is used".into());
         }
         let (eta, k) = index_of_metal(if metallic >= 0.5 { kd } else { ks });
         let smooth = mirror_like && mtl.pr.is_none() && mtl.ns.is_none_or(|ns| ns >= 1000.0);
-        Scattering::Conductor { eta, k, alpha: if smooth { 0.0 } else { alpha } }
+        Scattering::Conductor {
+            eta,
+            k,
+            alpha: if smooth { 0.0 } else { alpha },
+        }
     } else if !ks.is_black() || mtl.pr.is_some() {
         let specular = if ks.is_black() { Rgb::splat(0.04) } else { ks };
-        Scattering::Plastic { reflectance: base, specular, alpha: alpha.max(PLASTIC_MIN_ALPHA) }
+        Scattering::Plastic {
+            reflectance: base,
+            specular,
+            alpha: alpha.max(PLASTIC_MIN_ALPHA),
+        }
     } else {
         Scattering::Diffuse { reflectance: base }
     };
@@ -68,7 +79,11 @@ fn index_of_metal(r: Rgb) -> (Rgb, Rgb) {
     // At exactly 1 the absorption would be infinite.
     let r = r.map(|c| c.clamp(0.0, 0.999));
     let eta = |r: f32| (1.0 - r) / (1.0 + r);
-    let k = |r: f32| (((eta(r) + 1.0).powi(2) * r - (eta(r) - 1.0).powi(2)) / (1.0 - r)).max(0.0).sqrt();
+    let k = |r: f32| {
+        (((eta(r) + 1.0).powi(2) * r - (eta(r) - 1.0).powi(2)) / (1.0 - r))
+            .max(0.0)
+            .sqrt()
+    };
     (r.map(eta), r.map(k))
 }
 
@@ -96,18 +111,41 @@ mod tests {
     fn the_illumination_model_and_the_physical_keys_choose_the_scattering() {
         let mtl = MtlMaterial::default;
         assert!(matches!(scattering(mtl()), Scattering::Diffuse { .. }));
-        assert!(matches!(scattering(MtlMaterial { illum: Some(7), ..mtl() }), Scattering::Dielectric { alpha: 0.0, .. }));
-        assert!(matches!(scattering(MtlMaterial { pm: Some(1.0), ..mtl() }), Scattering::Conductor { .. }));
-        assert!(matches!(scattering(MtlMaterial { pr: Some(0.5), ..mtl() }), Scattering::Plastic { alpha: 0.25, .. }));
-        let mirror =
-            MtlMaterial { kd: Some(Rgb::BLACK), ks: Some(Rgb::WHITE), illum: Some(3), ns: Some(1e5), ..mtl() };
+        assert!(matches!(
+            scattering(MtlMaterial {
+                illum: Some(7),
+                ..mtl()
+            }),
+            Scattering::Dielectric { alpha: 0.0, .. }
+        ));
+        assert!(matches!(
+            scattering(MtlMaterial { pm: Some(1.0), ..mtl() }),
+            Scattering::Conductor { .. }
+        ));
+        assert!(matches!(
+            scattering(MtlMaterial { pr: Some(0.5), ..mtl() }),
+            Scattering::Plastic { alpha: 0.25, .. }
+        ));
+        let mirror = MtlMaterial {
+            kd: Some(Rgb::BLACK),
+            ks: Some(Rgb::WHITE),
+            illum: Some(3),
+            ns: Some(1e5),
+            ..mtl()
+        };
         assert!(matches!(scattering(mirror), Scattering::Conductor { alpha: 0.0, .. }));
     }
 
     #[test]
     fn dissolve_is_coverage_except_for_glass() {
-        let half = MtlMaterial { d: Some(0.5), ..MtlMaterial::default() };
-        assert_eq!(convert(&half, None, None).0.opacity, Some(Spectrum::Constant(Rgb::splat(0.5))));
+        let half = MtlMaterial {
+            d: Some(0.5),
+            ..MtlMaterial::default()
+        };
+        assert_eq!(
+            convert(&half, None, None).0.opacity,
+            Some(Spectrum::Constant(Rgb::splat(0.5)))
+        );
         let glass = MtlMaterial { illum: Some(4), ..half };
         assert_eq!(convert(&glass, None, None).0.opacity, None);
     }

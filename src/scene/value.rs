@@ -42,45 +42,75 @@ fn kind(value: &Value) -> &'static str {
 impl<'a> Table<'a> {
     /// The top of a file.
     pub(super) fn root(value: &'a Value) -> Result<Table<'a>> {
-        Field { path: String::new(), value }.table()
+        Field {
+            path: String::new(),
+            value,
+        }
+        .table()
     }
 
     /// The field under `key`, if it is there.
     pub(super) fn get(&self, key: &'static str) -> Option<Field<'a>> {
         self.known.borrow_mut().push(key);
-        self.map.get(key).map(|value| Field { path: self.path_of(key), value })
+        self.map.get(key).map(|value| Field {
+            path: self.path_of(key),
+            value,
+        })
     }
 
     /// The field under `key`.
     pub(super) fn require(&self, key: &'static str) -> Result<Field<'a>> {
-        self.get(key).ok_or_else(|| KeyError { key: self.path_of(key), problem: "is missing".into() })
+        self.get(key).ok_or_else(|| KeyError {
+            key: self.path_of(key),
+            problem: "is missing".into(),
+        })
     }
 
     /// All entries by name, for tables whose keys are the user's choice.
     pub(super) fn entries(&self) -> impl Iterator<Item = (&'a str, Field<'a>)> + '_ {
-        self.map.iter().map(|(key, value)| (key.as_str(), Field { path: self.path_of(key), value }))
+        self.map.iter().map(|(key, value)| {
+            (
+                key.as_str(),
+                Field {
+                    path: self.path_of(key),
+                    value,
+                },
+            )
+        })
     }
 
     /// Rejects keys that nobody asked for.
     pub(super) fn finish(&self) -> Result<()> {
         let known = self.known.borrow();
-        let Some(unknown) = self.map.keys().find(|key| !known.contains(&key.as_str())) else { return Ok(()) };
+        let Some(unknown) = self.map.keys().find(|key| !known.contains(&key.as_str())) else {
+            return Ok(());
+        };
         let problem = match nearest(unknown, known.iter().copied()) {
             Some(near) => format!("is not a known key; did you mean `{near}`?"),
             None => format!("is not a known key; known here: {}", known.join(", ")),
         };
-        Err(KeyError { key: self.path_of(unknown), problem })
+        Err(KeyError {
+            key: self.path_of(unknown),
+            problem,
+        })
     }
 
     fn path_of(&self, key: &str) -> String {
-        if self.path.is_empty() { key.to_owned() } else { format!("{}.{key}", self.path) }
+        if self.path.is_empty() {
+            key.to_owned()
+        } else {
+            format!("{}.{key}", self.path)
+        }
     }
 }
 
 impl<'a> Field<'a> {
     /// An error at this field.
     pub(super) fn error(&self, problem: impl Into<String>) -> KeyError {
-        KeyError { key: self.path.clone(), problem: problem.into() }
+        KeyError {
+            key: self.path.clone(),
+            problem: problem.into(),
+        }
     }
 
     fn expected(&self, what: &str) -> KeyError {
@@ -89,7 +119,11 @@ impl<'a> Field<'a> {
 
     pub(super) fn table(&self) -> Result<Table<'a>> {
         match self.value {
-            Value::Object(map) => Ok(Table { path: self.path.clone(), map, known: RefCell::default() }),
+            Value::Object(map) => Ok(Table {
+                path: self.path.clone(),
+                map,
+                known: RefCell::default(),
+            }),
             _ => Err(self.expected("a table")),
         }
     }
@@ -99,7 +133,10 @@ impl<'a> Field<'a> {
             Value::Array(values) => Ok(values
                 .iter()
                 .enumerate()
-                .map(|(i, value)| Field { path: format!("{}[{i}]", self.path), value })
+                .map(|(i, value)| Field {
+                    path: format!("{}[{i}]", self.path),
+                    value,
+                })
                 .collect()),
             _ => Err(self.expected("an array")),
         }
@@ -125,7 +162,10 @@ impl<'a> Field<'a> {
 
     /// A finite number.
     pub(super) fn number(&self) -> Result<f64> {
-        self.value.as_f64().filter(|v| v.is_finite()).ok_or_else(|| self.expected("a number"))
+        self.value
+            .as_f64()
+            .filter(|v| v.is_finite())
+            .ok_or_else(|| self.expected("a number"))
     }
 
     /// A number within a closed range.
@@ -134,23 +174,34 @@ impl<'a> Field<'a> {
         if (low..=high).contains(&number) {
             return Ok(number);
         }
-        let range = if high == f64::MAX { format!("{low} or more") } else { format!("within {low} to {high}") };
+        let range = if high == f64::MAX {
+            format!("{low} or more")
+        } else {
+            format!("within {low} to {high}")
+        };
         Err(self.error(format!("{number} is not {range}")))
     }
 
     /// A whole number, 0 or more.
     pub(super) fn count(&self) -> Result<u32> {
-        let count = self.value.as_u64().ok_or_else(|| self.expected("a whole number of 0 or more"))?;
+        let count = self
+            .value
+            .as_u64()
+            .ok_or_else(|| self.expected("a whole number of 0 or more"))?;
         u32::try_from(count).map_err(|_| self.error(format!("{count} is above {}", u32::MAX)))
     }
 
     /// `N` numbers.
     pub(super) fn numbers<const N: usize>(&self) -> Result<[f64; N]> {
-        let fields = self.array().map_err(|_| self.expected(&format!("an array of {N} numbers")))?;
+        let fields = self
+            .array()
+            .map_err(|_| self.expected(&format!("an array of {N} numbers")))?;
         let count = fields.len();
-        let fields: [Field<'a>; N] = fields
-            .try_into()
-            .map_err(|_| self.error(format!("expected an array of {N} numbers, found one of {count} elements")))?;
+        let fields: [Field<'a>; N] = fields.try_into().map_err(|_| {
+            self.error(format!(
+                "expected an array of {N} numbers, found one of {count} elements"
+            ))
+        })?;
         let mut numbers = [0.0; N];
         for (number, field) in numbers.iter_mut().zip(&fields) {
             *number = field.number()?;
