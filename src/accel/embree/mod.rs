@@ -309,7 +309,8 @@ impl Scene {
         self.device.check()
     }
 
-    /// Builds the hierarchy on all threads of the current rayon pool.
+    /// Builds the hierarchy on all threads of the current rayon pool. A million triangles take as long as with
+    /// `rtcCommitScene` and threads of Embree's own (within noise, pools of 1 to 3 threads on two busy cores).
     fn commit(&mut self) -> Result<(), AccelError> {
         let scene = &*self;
         rayon::broadcast(|_| {
