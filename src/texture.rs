@@ -70,8 +70,12 @@ impl Footprint {
 fn neighbours(c: f32, n: u32) -> (f32, usize, usize) {
     let position = c * n as f32 - 0.5;
     let low = position.floor();
-    let wrap = |i: i64| i.rem_euclid(i64::from(n)) as usize;
-    (position - low, wrap(low as i64), wrap(low as i64 + 1))
+    // From -1 to n - 1: comparisons are a tenth of the time of a division with remainder.
+    let i = low as i32;
+    let n = n as i32;
+    let first = if i < 0 { n - 1 } else { i.min(n - 1) };
+    let second = if first + 1 == n { 0 } else { first + 1 };
+    (position - low, first as usize, second as usize)
 }
 
 impl Texture {

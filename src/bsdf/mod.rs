@@ -160,6 +160,12 @@ impl Bsdf {
         }
     }
 
+    /// Whether sampling chooses between lobes.
+    #[inline]
+    pub fn has_lobes(&self) -> bool {
+        matches!(self, Bsdf::Dielectric(_) | Bsdf::Plastic(_))
+    }
+
     /// Whether light can pass to the other side.
     #[inline]
     pub fn transmits(&self) -> bool {

@@ -137,14 +137,18 @@ impl Environment {
     pub fn sample(&self, texel: u64, u: [f32; 2]) -> (Vec3, Rgb, f32) {
         match self {
             Environment::Constant(radiance) => (warp::uniform_sphere(u), *radiance, warp::UNIFORM_SPHERE_PDF_W),
-            Environment::Map(map) => {
-                let wi = match &map.table {
-                    Some(table) => map.direction(table.sample(texel), u),
-                    None => warp::uniform_sphere(u),
-                };
-                let (radiance, pdf_w) = map.eval(wi);
-                (wi, radiance, pdf_w)
-            }
+            Environment::Map(map) => match &map.table {
+                Some(table) => {
+                    let (wi, u, v, sin_theta) = map.direction(table.sample(texel), u);
+                    let (radiance, pdf_w) = map.lookup(u, v, sin_theta);
+                    (wi, radiance, pdf_w)
+                }
+                None => {
+                    let wi = warp::uniform_sphere(u);
+                    let (radiance, pdf_w) = map.eval(wi);
+                    (wi, radiance, pdf_w)
+                }
+            },
         }
     }
 
@@ -166,9 +170,10 @@ impl EnvironmentMap {
         [self.width, self.height]
     }
 
-    /// A direction around the centre of a texel, tent-distributed over the image.
+    /// A direction around the centre of a texel, tent-distributed over the image; with it the image coordinates u in
+    /// [-1/2, 3/2] and v in [0, 1], and sin θ.
     #[inline]
-    fn direction(&self, texel: u32, u: [f32; 2]) -> Vec3 {
+    fn direction(&self, texel: u32, u: [f32; 2]) -> (Vec3, f32, f32, f32) {
         let (column, row) = (texel % self.width, texel / self.width);
         let u_image = (column as f32 + 0.5 + warp::tent(u[0])) / self.width as f32;
         // Past a pole the lookup repeats the last row; folding the density back there matches it exactly.
@@ -177,11 +182,12 @@ impl EnvironmentMap {
         let (sin_theta, cos_theta) = (PI as f32 * v_image).sin_cos();
         let (sin_phi, cos_phi) = (2.0 * PI as f32 * u_image).sin_cos();
         let (x, z) = (sin_phi * sin_theta, -cos_phi * sin_theta);
-        Vec3::new(
+        let wi = Vec3::new(
             x * self.cos_rotation + z * self.sin_rotation,
             cos_theta,
             z * self.cos_rotation - x * self.sin_rotation,
-        )
+        );
+        (wi, u_image, v_image, sin_theta)
     }
 
     #[inline]
@@ -191,13 +197,18 @@ impl EnvironmentMap {
         let sin_theta = (x * x + z * z).sqrt();
         let u = x.atan2(-z) * (0.5 * std::f32::consts::FRAC_1_PI);
         let v = sin_theta.atan2(wi.y) * std::f32::consts::FRAC_1_PI;
+        self.lookup(u, v, sin_theta)
+    }
 
+    /// Radiance and density at image coordinates; u may be off by one turn.
+    #[inline]
+    fn lookup(&self, u: f32, v: f32, sin_theta: f32) -> (Rgb, f32) {
         let (width, height) = (self.width as i32, self.height as i32);
-        let column = u * width as f32 - 0.5;
+        let column = (u - u.floor()) * width as f32 - 0.5;
         let row = v * height as f32 - 0.5;
         let (left, top) = (column.floor(), row.floor());
         let (fx, fy) = (column - left, row - top);
-        let x0 = (left as i32).rem_euclid(width);
+        let x0 = if left < 0.0 { width - 1 } else { (left as i32).min(width - 1) };
         let x1 = if x0 + 1 == width { 0 } else { x0 + 1 };
         let y0 = (top as i32).clamp(0, height - 1);
         let y1 = (top as i32 + 1).clamp(0, height - 1);

@@ -75,48 +75,57 @@ impl Sampler {
     /// Two numbers in [0, 1).
     #[inline]
     pub fn get_2d(&self, dimension: Dimension) -> [f32; 2] {
-        self.bits(dimension as u32).map(unit_f32)
+        let (index, first, second) = self.keys(dimension as u32);
+        match self.kind {
+            SamplerKind::Sobol => [owen(index, first), owen(pascal(index), second)].map(|x| unit_f32(x.reverse_bits())),
+            SamplerKind::Independent => [first, second].map(unit_f32),
+        }
     }
 
     /// One number in [0, 1).
     #[inline]
     pub fn get_1d(&self, dimension: Dimension) -> f32 {
-        unit_f32(self.bits(dimension as u32)[0])
+        unit_f32(self.bits(dimension as u32).0)
     }
 
     /// 64 bits for a discrete choice. The high half is stratified, the low half only refines it.
     #[inline]
     pub fn get_u64(&self, dimension: Dimension) -> u64 {
-        let [high, low] = self.bits(dimension as u32);
+        let (high, low) = self.bits(dimension as u32);
         u64::from(high) << 32 | u64::from(low)
     }
 
     /// A number in [0, 1) for the `n`-th partly transparent surface that a ray of this bounce meets.
     #[inline]
     pub fn get_opacity(&self, n: u32) -> f32 {
-        unit_f32(self.bits(Dimension::Opacity as u32 + n)[0])
+        unit_f32(self.bits(Dimension::Opacity as u32 + n).0)
     }
 
+    /// 32 stratified bits, and 32 that are random for each index but not stratified.
     #[inline]
-    fn bits(&self, offset: u32) -> [u32; 2] {
+    fn bits(&self, offset: u32) -> (u32, u32) {
+        let (index, first, second) = self.keys(offset);
+        match self.kind {
+            SamplerKind::Sobol => (owen(index, first).reverse_bits(), owen(index ^ second, second)),
+            SamplerKind::Independent => (first, second),
+        }
+    }
+
+    /// Sobol: the shuffled index, bit-reversed as [`owen`] wants it, and the keys of two scramblings. Independent: the
+    /// last two are the random bits.
+    #[inline]
+    fn keys(&self, offset: u32) -> (u32, u32, u32) {
         let dimension = u64::from(self.bounce) * u64::from(BOUNCE_STRIDE) + u64::from(offset);
         match self.kind {
             SamplerKind::Sobol => {
                 let h = mix(self.key ^ dimension.wrapping_mul(0x9E37_79B9_7F4A_7C15));
                 let (shuffle, scramble) = (h as u32, (h >> 32) as u32);
                 let index = owen(self.index.reverse_bits(), shuffle).reverse_bits();
-                [
-                    owen(index, scramble).reverse_bits(),
-                    owen(
-                        pascal(index),
-                        scramble.wrapping_mul(0x9E37_79B1) ^ shuffle.rotate_left(16),
-                    )
-                    .reverse_bits(),
-                ]
+                (index, scramble, scramble.wrapping_mul(0x9E37_79B1) ^ shuffle.rotate_left(16))
             }
             SamplerKind::Independent => {
                 let h = mix(self.key ^ mix(dimension << 32 | u64::from(self.index)));
-                [h as u32, (h >> 32) as u32]
+                (self.index, h as u32, (h >> 32) as u32)
             }
         }
     }

@@ -427,8 +427,13 @@ impl Accel for Embree {
                     v: query.hit.v,
                 });
             }
-            // Embree compares before it divides, and the division rounded the hit onto t_min: look behind it.
-            start.tnear = start.tnear.next_up();
+            // Embree compares before it divides, and the division rounded the hit onto t_min: look behind it. From 0
+            // on in large steps, because products with the smallest numbers vanish in Embree's comparison.
+            start.tnear = if ray.t_min > 0.0 {
+                start.tnear.next_up()
+            } else {
+                (start.tnear * 16.0).max(f32::MIN_POSITIVE)
+            };
         }
     }
 
@@ -437,7 +442,8 @@ impl Accel for Embree {
         // Embree may count hits at the ends, the trait does not, and there is no distance to look at: move both ends
         // inwards by more than the rounding of Embree's comparisons.
         const ROUNDING: f32 = 4.0 * f32::EPSILON;
-        let Some(mut query) = Embree::query_ray(ray, ray.t_min * (1.0 + ROUNDING), ray.t_max * (1.0 - ROUNDING)) else {
+        let t_min = (ray.t_min * (1.0 + ROUNDING)).max(f32::MIN_POSITIVE);
+        let Some(mut query) = Embree::query_ray(ray, t_min, ray.t_max * (1.0 - ROUNDING)) else {
             return false;
         };
         // SAFETY: the scene was committed in `build`, and nothing changes it after that.
