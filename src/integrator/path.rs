@@ -220,7 +220,11 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
     /// The direction that carries the recursion (equation 11).
     #[inline]
     fn sample_bounce(&self, bsdf: &Bsdf, wo: Vec3, sampler: &Sampler) -> Option<BsdfSample> {
-        let lobe = if bsdf.has_lobes() { sampler.get_1d(Dimension::Lobe) } else { 0.0 };
+        let lobe = if bsdf.has_lobes() {
+            sampler.get_1d(Dimension::Lobe)
+        } else {
+            0.0
+        };
         let u = sampler.get_2d(Dimension::Direction);
         match self.settings.bounce_sampling {
             BounceSampling::Cosine if !bsdf.is_delta() => bsdf.sample_hemisphere(wo, true, lobe, u),

@@ -208,7 +208,11 @@ impl EnvironmentMap {
         let row = v * height as f32 - 0.5;
         let (left, top) = (column.floor(), row.floor());
         let (fx, fy) = (column - left, row - top);
-        let x0 = if left < 0.0 { width - 1 } else { (left as i32).min(width - 1) };
+        let x0 = if left < 0.0 {
+            width - 1
+        } else {
+            (left as i32).min(width - 1)
+        };
         let x1 = if x0 + 1 == width { 0 } else { x0 + 1 };
         let y0 = (top as i32).clamp(0, height - 1);
         let y1 = (top as i32 + 1).clamp(0, height - 1);
