@@ -6,7 +6,12 @@
 //! each other. Every test has a fixed seed and a stated significance; decisions over many pixels or cells split it after
 //! Šidák, so that the whole test fails by chance with that probability. Since seeds are fixed, it either always does or
 //! never.
-#![allow(dead_code, reason = "every test binary compiles this module and uses a part of it")]
+#![allow(
+    dead_code,
+    unused_imports,
+    unused_macros,
+    reason = "every test binary compiles this module and uses a part of it"
+)]
 
 use embrace::accel::{Accel, BuildOptions};
 use embrace::camera::CameraDesc;
