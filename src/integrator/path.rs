@@ -306,7 +306,9 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
     /// The fraction of light that passes along a segment.
     #[inline]
     fn transmittance(&self, mut ray: Ray) -> f32 {
-        if !Self::CUTOUTS {
+        // The kernel for everything also asks the scene: the two queries of a backend may disagree about a hit at the
+        // very end of the segment, and the image must not depend on the kernel.
+        if !Self::CUTOUTS || !self.scene.features.contains(SceneFeatures::CUTOUTS) {
             return if self.accel.occluded(&ray) { 0.0 } else { 1.0 };
         }
         let mut transmittance = 1.0;
