@@ -9,7 +9,7 @@ use embrace::accel::{Accel, BuildOptions, Hit, Ray};
 use embrace::integrator::Settings;
 use embrace::interaction::SurfaceInteraction;
 use embrace::math::Frame;
-use embrace::sampling::{Dimension, Sampler, SamplerKind, warp};
+use embrace::sampling::{Sampler, SamplerKind, warp};
 use embrace::scene::{self, LoadOptions, Scene, SceneOptions};
 use std::path::Path;
 use support::{Estimate, Prepared, Random, Significance, assert_mean};
@@ -94,8 +94,6 @@ fn camera_shadow_and_bounce_rays_hit_the_same_on_both_backends_in_every_scene() 
                 "{name}: {count} of {RAYS} {kind} rays disagree"
             );
         }
-        // The samplers' names for what they draw are part of what both backends share.
-        let _ = Dimension::LightChoice;
     }
 }
 

@@ -17,6 +17,8 @@ use support::{Estimate, Prepared, Significance, assert_same_mean};
 /// Same length for all settings, because roulette can be off in some.
 const MAX_DEPTH: u32 = 6;
 const SPP: u32 = 16;
+/// Replications of every setting.
+const SEEDS: u64 = 24;
 
 fn load(name: &str) -> SceneDesc {
     let file = Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -148,10 +150,10 @@ fn means<A: Accel>(desc: &SceneDesc, settings: &Settings, seeds: u64) -> [Estima
 }
 
 fn assert_settings_agree<A: Accel>(name: &str, desc: &SceneDesc, variants: &[(&str, Settings)]) {
-    let expected = means::<A>(desc, &baseline(), 64);
+    let expected = means::<A>(desc, &baseline(), SEEDS);
     let significance = Significance::TEST.split(3 * variants.len());
     for (variant, settings) in variants {
-        let found = means::<A>(desc, settings, 64);
+        let found = means::<A>(desc, settings, SEEDS);
         for (channel, (found, expected)) in found.into_iter().zip(expected).enumerate() {
             let name = format!("{name}, {variant}, {}, channel {channel}", A::NAME);
             assert_same_mean(&name, found, expected, significance);
@@ -167,7 +169,7 @@ fn every_setting_has_the_same_mean_on_the_spheres<A: Accel>() {
     assert_settings_agree::<A>("spheres under a dim sun", &spheres_under_a_dim_sun(), &variants());
 }
 
-/// Under the full sun only the settings that look for it have a variance that 64 replications can tell.
+/// Under the full sun only the settings that look for it have a variance that so few replications can tell.
 fn settings_that_sample_the_sun_have_the_same_mean_under_it<A: Accel>() {
     let kept = ["independent sampler", "no roulette", "fixed roulette, 0.95"];
     let variants: Vec<_> = variants().into_iter().filter(|(name, _)| kept.contains(name)).collect();
