@@ -64,10 +64,4 @@ impl Ggx {
             .try_normalize()
             .unwrap_or(Vec3::Z)
     }
-
-    /// Density of [`Ggx::sample_visible`] [1/sr of normals].
-    #[inline]
-    pub(super) fn visible_pdf(self, wo: Vec3, h: Vec3) -> f32 {
-        self.g1(wo) * self.d(h) * wo.dot(h).max(0.0) / wo.z
-    }
 }

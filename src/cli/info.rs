@@ -1,6 +1,6 @@
 //! `embrace info`
 
-use super::{Failure, InfoArgs, with_backend};
+use super::{Failure, InfoArgs, print, with_backend};
 use crate::accel::{Accel, BuildOptions};
 use crate::integrator::{KernelChoice, kernel_for};
 use crate::light::Environment;
@@ -66,11 +66,10 @@ fn run_on<A: Accel>(args: &InfoArgs) -> Result<(), Failure> {
         warnings,
     };
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&info).map_err(Failure::internal)?);
+        print(&(serde_json::to_string_pretty(&info).map_err(Failure::internal)? + "\n"))
     } else {
-        print_table(&info);
+        print(&table(&info))
     }
-    Ok(())
 }
 
 fn describe_environment(environment: &Environment) -> String {
@@ -83,8 +82,9 @@ fn describe_environment(environment: &Environment) -> String {
     }
 }
 
-fn print_table(info: &Info) {
-    let row = |name: &str, value: String| println!("{name:<14}{value}");
+fn table(info: &Info) -> String {
+    let mut table = String::new();
+    let mut row = |name: &str, value: String| table += &format!("{name:<14}{value}\n");
     let list = |names: &[&str]| {
         if names.is_empty() {
             "nothing special".to_owned()
@@ -117,4 +117,5 @@ fn print_table(info: &Info) {
     for warning in &info.warnings {
         row("warning", warning.clone());
     }
+    table
 }

@@ -6,6 +6,8 @@ use crate::sampling::SamplerKind;
 use crate::scene::Instancing;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::ffi::OsString;
+use std::fmt;
+use std::io::{self, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -362,6 +364,23 @@ impl Failure {
     }
 }
 
+/// Prints what was asked for to standard output.
+fn print(text: &str) -> Result<(), Failure> {
+    let mut stdout = io::stdout().lock();
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        // A reader that has seen enough is no failure.
+        Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {
+            Err(Failure::output(format!("standard output: cannot be written: {e}")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Prints a line to standard error. That nobody can read it is no reason to lose the image, which `eprintln` would.
+fn tell(line: fmt::Arguments<'_>) {
+    let _ = writeln!(io::stderr(), "{line}");
+}
+
 /// Runs the command line and returns the exit code: 0 done, 1 internal, 2 usage, 3 scene or input, 4 output, 130 or 143
 /// interrupted with the image so far written.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
@@ -382,7 +401,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     match result {
         Ok(code) => ExitCode::from(code),
         Err(Failure { code, message }) => {
-            eprintln!("error: {message}");
+            tell(format_args!("error: {message}"));
             ExitCode::from(code)
         }
     }

@@ -65,13 +65,17 @@ pub(super) fn metadata() -> ExrMetadata {
     }
 }
 
-/// Fails if `path` names a directory, or a file cannot be made beside it.
+/// Fails if `path` names a directory or a device, or a file cannot be made beside it.
 pub(super) fn check_writable(path: &Path) -> Result<(), Failure> {
-    if path.is_dir() {
-        return Err(Failure::output(format!(
-            "{}: is a directory; give a file name",
-            path.display()
-        )));
+    let refuse = |what| {
+        let name = path.display();
+        Err(Failure::output(format!("{name}: is {what}; give a file name")))
+    };
+    match fs::metadata(path) {
+        Ok(existing) if existing.is_dir() => return refuse("a directory"),
+        // The rename would put a file in the place of the device or pipe, for every program on the machine.
+        Ok(existing) if !existing.is_file() => return refuse("not a regular file"),
+        _ => {}
     }
     temporary(path).map(drop)
 }

@@ -1,5 +1,6 @@
 //! Progress on standard error: a bar on a terminal, plain lines for a log.
 
+use super::tell;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::sync::Mutex;
@@ -57,7 +58,7 @@ impl Progress {
                 let Ok(mut last) = last.try_lock() else { return };
                 if last.elapsed() >= LINE_INTERVAL {
                     *last = Instant::now();
-                    eprintln!("Progress: {:.1}%", 100.0 * done as f64 / *total as f64);
+                    tell(format_args!("Progress: {:.1}%", 100.0 * done as f64 / *total as f64));
                 }
             }
         }
@@ -69,7 +70,7 @@ impl Progress {
             Progress::Quiet => {}
             Progress::Bar(bar) if complete => bar.finish(),
             Progress::Bar(bar) => bar.abandon(),
-            Progress::Lines { .. } if complete => eprintln!("Progress: 100.0%"),
+            Progress::Lines { .. } if complete => tell(format_args!("Progress: 100.0%")),
             Progress::Lines { .. } => {}
         }
     }

@@ -3,7 +3,7 @@
 use super::interrupt::Interrupt;
 use super::output::{self, Target};
 use super::progress::Progress;
-use super::{Failure, RenderArgs, with_backend};
+use super::{Failure, RenderArgs, tell, with_backend};
 use crate::accel::{Accel, BuildOptions};
 use crate::film::Rect;
 use crate::image::exr::ExrMetadata;
@@ -79,7 +79,7 @@ fn run_on<A: Accel>(args: &RenderArgs, targets: &[Target], interrupt: &Interrupt
     let warnings = std::mem::take(&mut desc.warnings);
     if !args.quiet {
         for warning in &warnings {
-            eprintln!("warning: {warning}");
+            tell(format_args!("warning: {warning}"));
         }
     }
 
@@ -142,7 +142,7 @@ fn run_on<A: Accel>(args: &RenderArgs, targets: &[Target], interrupt: &Interrupt
     let write_seconds = start.elapsed().as_secs_f64();
 
     if report.dropped.count > 0 && !args.quiet {
-        eprintln!("warning: {}", describe_dropped(&report.dropped));
+        tell(format_args!("warning: {}", describe_dropped(&report.dropped)));
     }
     if let Some(path) = &args.stats {
         let stats = Stats {
@@ -183,10 +183,10 @@ fn run_on<A: Accel>(args: &RenderArgs, targets: &[Target], interrupt: &Interrupt
         return Ok(0);
     }
     if !args.quiet {
-        eprintln!(
+        tell(format_args!(
             "interrupted: the image has {fewest} to {most} of {} samples per pixel",
             args.spp
-        );
+        ));
     }
     Ok(interrupt.raised().unwrap_or(1))
 }

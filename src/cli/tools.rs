@@ -1,7 +1,7 @@
 //! `embrace compare` and `embrace tonemap`
 
 use super::output::{self, Target};
-use super::{CompareArgs, Failure, TonemapArgs};
+use super::{CompareArgs, Failure, TonemapArgs, print};
 use crate::image::{self, Image, compare::compare as compare_images, flip, ldr};
 use crate::math::Rgb;
 use std::path::Path;
@@ -24,26 +24,24 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         output::write_atomically(path, |writer| ldr::write_png(writer, &map, path))?;
     }
     if args.json {
-        println!(
-            "{}",
-            serde_json::to_string_pretty(&comparison).map_err(Failure::internal)?
-        );
-        return Ok(());
+        return print(&(serde_json::to_string_pretty(&comparison).map_err(Failure::internal)? + "\n"));
     }
     let [r, g, b] = comparison.mean_ratio;
-    println!("size            {} x {}", comparison.width, comparison.height);
-    println!("MSE             {:.6e}", comparison.mse);
-    println!("RMSE            {:.6e}", comparison.rmse);
-    println!("relMSE          {:.6e}", comparison.relmse);
-    println!("relMSE trimmed  {:.6e}", comparison.relmse_trimmed);
-    println!("mean ratio      {r:.6} {g:.6} {b:.6}");
-    println!("FLIP            {:.6}", comparison.flip);
+    let mut table = String::new();
+    let mut row = |name: &str, value: String| table += &format!("{name:<16}{value}\n");
+    row("size", format!("{} x {}", comparison.width, comparison.height));
+    row("MSE", format!("{:.6e}", comparison.mse));
+    row("RMSE", format!("{:.6e}", comparison.rmse));
+    row("relMSE", format!("{:.6e}", comparison.relmse));
+    row("relMSE trimmed", format!("{:.6e}", comparison.relmse_trimmed));
+    row("mean ratio", format!("{r:.6} {g:.6} {b:.6}"));
+    row("FLIP", format!("{:.6}", comparison.flip));
     for (name, count) in [("A", comparison.nonfinite_a), ("B", comparison.nonfinite_b)] {
         if count > 0 {
-            println!("not finite      {count} pixels of {name}, left out");
+            row("not finite", format!("{count} pixels of {name}, left out"));
         }
     }
-    Ok(())
+    print(&table)
 }
 
 pub(super) fn tonemap(args: &TonemapArgs) -> Result<(), Failure> {

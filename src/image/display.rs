@@ -7,7 +7,8 @@ use rayon::prelude::*;
 /// Eight-bit sRGB, clamped, after a factor of 2^`exposure`. NaN is black.
 pub fn to_srgb8(image: &Image<Rgb>, exposure: f32) -> Image<[u8; 3]> {
     let factor = exposure.exp2();
-    let encode = |c: f32| (srgb_encode((c * factor).max(0.0).min(1.0)) * 255.0 + 0.5) as u8;
+    // NaN passes the clamp; the cast makes it 0.
+    let encode = |c: f32| (srgb_encode((c * factor).clamp(0.0, 1.0)) * 255.0 + 0.5) as u8;
     Image {
         width: image.width,
         height: image.height,

@@ -34,9 +34,11 @@ impl Emission {
 /// One emitting triangle, in world coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AreaLight {
-    corners: [Vec3; 3],
+    corner: Vec3,
+    edges: [Vec3; 2],
     normal: Vec3,
     emission: Emission,
+    p_error: f32,
     /// Probability of choosing this triangle over its area [1/m²]: the density of a point on it.
     pub(super) pdf_a: f32,
 }
@@ -44,28 +46,29 @@ pub struct AreaLight {
 impl AreaLight {
     /// `pdf_a` is set by the light sampler. A triangle without area never emits.
     pub(super) fn new(corners: [Vec3; 3], emission: Emission) -> AreaLight {
-        let normal = face_normal(corners).map_or(Vec3::ZERO, |(normal, _)| normal);
+        let [a, b, c] = corners;
         AreaLight {
-            corners,
-            normal,
+            corner: a,
+            edges: [b - a, c - a],
+            normal: face_normal(corners).map_or(Vec3::ZERO, |(normal, _)| normal),
             emission,
+            p_error: position_error(corners),
             pdf_a: 0.0,
         }
     }
 
     /// Area in f64, which tiny and huge triangles neither underflow nor overflow.
     pub(super) fn area(&self) -> f64 {
-        let [a, b, c] = self.corners.map(|p| p.as_dvec3());
-        0.5 * (b - a).cross(c - a).length()
+        let [ab, ac] = self.edges.map(|p| p.as_dvec3());
+        0.5 * ab.cross(ac).length()
     }
 
     /// A point on the triangle as seen from `p`: direction, radiance, density per solid angle, and the shadow ray's end.
     /// `None` where the light turns its back or is seen edge-on.
-    #[inline]
+    #[inline(always)]
     pub(super) fn sample(&self, p: Vec3, u: [f32; 2]) -> Option<super::LightSample> {
-        let [a, b, c] = self.corners;
         let [weight_b, weight_c] = warp::triangle(u);
-        let point = a + (b - a) * weight_b + (c - a) * weight_c;
+        let point = self.corner + self.edges[0] * weight_b + self.edges[1] * weight_c;
         let (wi, distance) = (point - p).normalize_and_length();
         let cos = -self.normal.dot(wi);
         let radiance = self.emission.from_side(cos > 0.0);
@@ -73,13 +76,8 @@ impl AreaLight {
         if radiance.is_black() || !(pdf_w > 0.0 && pdf_w.is_finite()) {
             return None;
         }
-        let target = offset_point(point, position_error(self.corners), self.normal * cos.signum());
-        Some(super::LightSample {
-            wi,
-            radiance,
-            pdf_w,
-            target: Some(target),
-        })
+        let target = offset_point(point, self.p_error, self.normal * cos.signum());
+        Some(super::LightSample { wi, radiance, pdf_w, target: Some(target) })
     }
 
     /// Density per solid angle of a point at this squared distance, seen under this cosine [1/sr].

@@ -83,7 +83,7 @@ impl LightSampler {
 
     /// Draws an emitter and a direction towards it from `p`. `AREA` and `ENVIRONMENT` say which kinds the scene has.
     /// `None` if the draw carries no light.
-    #[inline]
+    #[inline(always)]
     pub fn sample<const AREA: bool, const ENVIRONMENT: bool>(&self, p: Vec3, sampler: &Sampler) -> Option<LightSample> {
         let table = self.table.as_ref()?;
         // An environment alone needs no choice.

@@ -99,7 +99,7 @@ impl AliasTable {
     pub fn sample(&self, u: u64) -> u32 {
         let scaled = u128::from(u) * self.slots.len() as u128;
         let k = (scaled >> 64) as usize;
-        let coin = (scaled as u64) as f64 * (1.0 / 18_446_744_073_709_551_616.0);
+        let coin = ((scaled as u64) >> 11) as i64 as f64 * (1.0 / 9_007_199_254_740_992.0);
         let slot = self.slots[k];
         if coin < f64::from(slot.keep) {
             k as u32

@@ -73,7 +73,7 @@ impl Sampler {
     }
 
     /// Two numbers in [0, 1).
-    #[inline]
+    #[inline(always)]
     pub fn get_2d(&self, dimension: Dimension) -> [f32; 2] {
         let (index, first, second) = self.keys(dimension as u32);
         match self.kind {
@@ -83,13 +83,13 @@ impl Sampler {
     }
 
     /// One number in [0, 1).
-    #[inline]
+    #[inline(always)]
     pub fn get_1d(&self, dimension: Dimension) -> f32 {
         unit_f32(self.bits(dimension as u32).0)
     }
 
     /// 64 bits for a discrete choice. The high half is stratified, the low half only refines it.
-    #[inline]
+    #[inline(always)]
     pub fn get_u64(&self, dimension: Dimension) -> u64 {
         let (high, low) = self.bits(dimension as u32);
         u64::from(high) << 32 | u64::from(low)
@@ -102,7 +102,7 @@ impl Sampler {
     }
 
     /// 32 stratified bits, and 32 that are random for each index but not stratified.
-    #[inline]
+    #[inline(always)]
     fn bits(&self, offset: u32) -> (u32, u32) {
         let (index, first, second) = self.keys(offset);
         match self.kind {
@@ -113,7 +113,7 @@ impl Sampler {
 
     /// Sobol: the shuffled index, bit-reversed as [`owen`] wants it, and the keys of two scramblings. Independent: the
     /// last two are the random bits.
-    #[inline]
+    #[inline(always)]
     fn keys(&self, offset: u32) -> (u32, u32, u32) {
         let dimension = u64::from(self.bounce) * u64::from(BOUNCE_STRIDE) + u64::from(offset);
         match self.kind {

@@ -531,8 +531,9 @@ fn map_pixels<T, U>(image: Image<T>, f: impl Fn(T) -> U) -> Image<U> {
 
 /// Reflectance from a file of unlimited range: NaN and negative become 0, what exceeds 1 becomes 1.
 fn sanitise_reflectance(image: Image<Rgb>) -> Image<Rgb> {
-    // `max` takes the other operand for NaN.
-    map_pixels(image, |rgb| rgb.map(|c| c.max(0.0).min(1.0)))
+    map_pixels(image, |rgb| {
+        rgb.map(|c| if c.is_nan() { 0.0 } else { c.clamp(0.0, 1.0) })
+    })
 }
 
 type LoadedEnvironment = (EnvironmentDesc, blake3::Hash, Vec<String>);

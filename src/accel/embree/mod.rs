@@ -8,7 +8,7 @@
 
 use super::{Accel, AccelError, BuildOptions, Geometry, Hit, Ray};
 use crate::mesh::TriangleMesh;
-use glam::Affine3A;
+use glam::{Affine3A, Vec4};
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::ptr;
 use std::sync::atomic::{AtomicIsize, Ordering};
@@ -341,22 +341,19 @@ impl Embree {
     #[inline]
     fn query_ray(ray: &Ray, t_min: f32, t_max: f32) -> Option<ffi::RTCRay> {
         let is_valid = ray.origin.is_finite() && ray.direction.is_finite() && t_min < t_max;
-        is_valid.then_some(ffi::RTCRay {
-            org_x: ray.origin.x,
-            org_y: ray.origin.y,
-            org_z: ray.origin.z,
-            tnear: t_min,
-            dir_x: ray.direction.x,
-            dir_y: ray.direction.y,
-            dir_z: ray.direction.z,
-            time: 0.0,
-            tfar: t_max,
-            mask: u32::MAX,
-            id: 0,
-            flags: 0,
-        })
+        // Whole vectors: Embree reads these sixteen bytes at a time, which must not wait for four small stores.
+        let lanes = [
+            ray.origin.extend(t_min),
+            ray.direction.extend(0.0),
+            Vec4::new(t_max, f32::from_bits(u32::MAX), 0.0, 0.0),
+        ];
+        // SAFETY: `RTCRay` is twelve words (asserted below) of plain numbers, in this order: origin and tnear, direction
+        // and time, tfar, mask (all ones), id and flags (zero). Every bit pattern is a valid value of each.
+        is_valid.then(|| unsafe { std::mem::transmute::<[Vec4; 3], ffi::RTCRay>(lanes) })
     }
 }
+
+const _: () = assert!(size_of::<ffi::RTCRay>() == size_of::<[Vec4; 3]>());
 
 impl Accel for Embree {
     const NAME: &'static str = "embree";
