@@ -8,6 +8,7 @@ use super::{BounceSampling, Roulette, Settings};
 use crate::accel::{Accel, Hit, Ray};
 use crate::bsdf::{Bsdf, BsdfSample};
 use crate::interaction::{SurfaceInteraction, texture_coordinates};
+use crate::light::Choice;
 use crate::math::{Rgb, Vec3};
 use crate::sampling::mis::power_heuristic;
 use crate::sampling::{Dimension, Sampler};
@@ -104,6 +105,7 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
                 }
                 return radiance;
             };
+            let choice = self.choose_light(&sampler);
             let Some(si) = self.interaction(&hit, -ray.direction) else {
                 return radiance;
             };
@@ -120,7 +122,7 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
             let wo = si.frame.to_local(si.wo);
             let is_delta = bsdf.is_delta();
             if !is_delta {
-                radiance += throughput * self.direct(&si, &bsdf, wo, &sampler, counts);
+                radiance += throughput * self.direct(choice, &si, &bsdf, wo, &sampler, counts);
             }
             depth += 1;
             // Past the limit a bounce counts only by the emitter it hits, and not even so without MIS.
@@ -149,14 +151,33 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
         }
     }
 
+    /// The emitter to sample at the next vertex.
+    #[inline(always)]
+    fn choose_light(&self, sampler: &Sampler) -> Choice {
+        let lights = &self.scene.lights;
+        match (Self::AREA_LIGHTS, Self::ENVIRONMENT) {
+            (true, true) => lights.choose::<true, true>(sampler),
+            (true, false) => lights.choose::<true, false>(sampler),
+            (false, _) => lights.choose::<false, true>(sampler),
+        }
+    }
+
     /// Direct light by one emitter sample (equations 6 to 10).
     #[inline]
-    fn direct(&self, si: &SurfaceInteraction, bsdf: &Bsdf, wo: Vec3, sampler: &Sampler, counts: &mut RayCounts) -> Rgb {
+    fn direct(
+        &self,
+        choice: Choice,
+        si: &SurfaceInteraction,
+        bsdf: &Bsdf,
+        wo: Vec3,
+        sampler: &Sampler,
+        counts: &mut RayCounts,
+    ) -> Rgb {
         let lights = &self.scene.lights;
         let Some(light) = (match (Self::AREA_LIGHTS, Self::ENVIRONMENT) {
-            (true, true) => lights.sample::<true, true>(si.p, sampler),
-            (true, false) => lights.sample::<true, false>(si.p, sampler),
-            (false, _) => lights.sample::<false, true>(si.p, sampler),
+            (true, true) => lights.sample::<true, true>(choice, si.p, sampler),
+            (true, false) => lights.sample::<true, false>(choice, si.p, sampler),
+            (false, _) => lights.sample::<false, true>(choice, si.p, sampler),
         }) else {
             return Rgb::BLACK;
         };

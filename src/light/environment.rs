@@ -132,23 +132,30 @@ impl Environment {
         }
     }
 
-    /// Draws a direction: `texel` chooses the texel, `u` the place in it. Returns direction, radiance and density [1/sr].
+    /// Draws the texel for [`Environment::sample`] from 64 random bits; 0 where there is no table.
     #[inline]
-    pub fn sample(&self, texel: u64, u: [f32; 2]) -> (Vec3, Rgb, f32) {
+    pub fn choose_texel(&self, bits: u64) -> u32 {
+        match self {
+            Environment::Map(EnvironmentMap { table: Some(table), .. }) => table.sample(bits),
+            _ => 0,
+        }
+    }
+
+    /// Draws a direction from a place `u` in a texel drawn before. Returns direction, radiance and density [1/sr].
+    #[inline]
+    pub fn sample(&self, texel: u32, u: [f32; 2]) -> (Vec3, Rgb, f32) {
         match self {
             Environment::Constant(radiance) => (warp::uniform_sphere(u), *radiance, warp::UNIFORM_SPHERE_PDF_W),
-            Environment::Map(map) => match &map.table {
-                Some(table) => {
-                    let (wi, u, v, sin_theta) = map.direction(table.sample(texel), u);
-                    let (radiance, pdf_w) = map.lookup(u, v, sin_theta);
-                    (wi, radiance, pdf_w)
-                }
-                None => {
-                    let wi = warp::uniform_sphere(u);
-                    let (radiance, pdf_w) = map.eval(wi);
-                    (wi, radiance, pdf_w)
-                }
-            },
+            Environment::Map(map) if map.table.is_some() => {
+                let (wi, u, v, sin_theta) = map.direction(texel, u);
+                let (radiance, pdf_w) = map.lookup(u, v, sin_theta);
+                (wi, radiance, pdf_w)
+            }
+            Environment::Map(map) => {
+                let wi = warp::uniform_sphere(u);
+                let (radiance, pdf_w) = map.eval(wi);
+                (wi, radiance, pdf_w)
+            }
         }
     }
 

@@ -8,7 +8,7 @@ mod sampler;
 
 pub use area::{AreaLight, Emission};
 pub use environment::{EnvSampling, Environment, EnvironmentError, EnvironmentMap};
-pub use sampler::{LightSampler, LightSamplerBuilder};
+pub use sampler::{Choice, LightSampler, LightSamplerBuilder};
 
 /// A direction towards an emitter, as seen from a point.
 #[derive(Clone, Copy, Debug, PartialEq)]

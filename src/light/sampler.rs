@@ -14,6 +14,18 @@ pub struct LightSampler {
     environment_pmf: f32,
 }
 
+/// An emitter that was drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Choice {
+    /// Index of the triangle, or their number for the environment, or [`NONE`].
+    emitter: u32,
+    /// Texel of an environment map.
+    texel: u32,
+}
+
+/// There is no emitter to choose.
+const NONE: u32 = u32::MAX;
+
 /// Collects the emitters of a scene.
 #[derive(Clone, Debug, Default)]
 pub struct LightSamplerBuilder {
@@ -81,26 +93,50 @@ impl LightSampler {
         self.environment.as_ref()
     }
 
-    /// Draws an emitter and a direction towards it from `p`. `AREA` and `ENVIRONMENT` say which kinds the scene has.
-    /// `None` if the draw carries no light.
+    /// Draws an emitter, and the texel if it is an environment map. Needs no point, so that the path loop can ask before
+    /// it has one: a map's table is far larger than the caches, and the wait overlaps with other work. `AREA` and
+    /// `ENVIRONMENT` say which kinds of emitter the scene has.
     #[inline(always)]
-    pub fn sample<const AREA: bool, const ENVIRONMENT: bool>(&self, p: Vec3, sampler: &Sampler) -> Option<LightSample> {
-        let table = self.table.as_ref()?;
-        // An environment alone needs no choice.
-        let choice = if AREA {
-            table.sample(sampler.get_u64(Dimension::LightChoice)) as usize
-        } else {
-            self.areas.len()
+    pub fn choose<const AREA: bool, const ENVIRONMENT: bool>(&self, sampler: &Sampler) -> Choice {
+        let environment = self.areas.len() as u32;
+        let emitter = match &self.table {
+            None => {
+                return Choice {
+                    emitter: NONE,
+                    texel: 0,
+                };
+            }
+            Some(table) if AREA => table.sample(sampler.get_u64(Dimension::LightChoice)),
+            // An environment alone needs no choice.
+            Some(_) => environment,
         };
+        let texel = match &self.environment {
+            Some(map) if ENVIRONMENT && emitter == environment => map.choose_texel(sampler.get_u64(Dimension::Texel)),
+            _ => 0,
+        };
+        Choice { emitter, texel }
+    }
+
+    /// Draws a direction from `p` towards the emitter that was chosen. `None` if it carries no light.
+    #[inline(always)]
+    pub fn sample<const AREA: bool, const ENVIRONMENT: bool>(
+        &self,
+        choice: Choice,
+        p: Vec3,
+        sampler: &Sampler,
+    ) -> Option<LightSample> {
+        if choice.emitter == NONE {
+            return None;
+        }
         let u = sampler.get_2d(Dimension::LightPosition);
-        if AREA && choice < self.areas.len() {
-            return self.areas[choice].sample(p, u);
+        if AREA && (choice.emitter as usize) < self.areas.len() {
+            return self.areas[choice.emitter as usize].sample(p, u);
         }
         if !ENVIRONMENT {
             return None;
         }
         let environment = self.environment.as_ref()?;
-        let (wi, radiance, pdf_w) = environment.sample(sampler.get_u64(Dimension::Texel), u);
+        let (wi, radiance, pdf_w) = environment.sample(choice.texel, u);
         let pdf_w = pdf_w * self.environment_pmf;
         (pdf_w > 0.0 && pdf_w.is_finite() && !radiance.is_black()).then_some(LightSample {
             wi,
