@@ -5,6 +5,10 @@
 //! `a·b − c·d` of such points is exact: rounding is monotone, so that the f32 difference has the right sign or is zero,
 //! and where it is zero the products are repeated in f64, which holds them without rounding. Neighbours therefore agree
 //! on every edge and vertex, and a ray on an edge hits both.
+//!
+//! The distance departs from the paper, which interpolates it between the corners: its error is then an ulp of the
+//! farthest corner, and a ray that leaves a large triangle at a small angle hits it again. Here it is that of the plane, in
+//! f64, and only for triangles that are hit.
 
 use super::Ray;
 use crate::math::Vec3;
@@ -14,6 +18,7 @@ use glam::Vec3Swizzles;
 #[derive(Clone, Copy, Debug)]
 pub struct TriangleRay {
     origin: Vec3,
+    direction: Vec3,
     /// Index of the largest component of the direction, which becomes z.
     axis: u8,
     /// x and y per unit of z, and 1/z, of the permuted direction.
@@ -61,6 +66,7 @@ impl TriangleRay {
         let d = permute(ray.direction, axis);
         Some(TriangleRay {
             origin: ray.origin,
+            direction: ray.direction,
             axis,
             shear: Vec3::new(d.x / d.z, d.y / d.z, 1.0 / d.z),
             t_min: ray.t_min,
@@ -95,12 +101,27 @@ impl TriangleRay {
             return None;
         }
         let scale = 1.0 / sum;
-        let t = (weight_a * a.z + weight_b * b.z + weight_c * c.z) * self.shear.z * scale;
+        let ends = [a.z, b.z, c.z].map(|z| z * self.shear.z);
+        let nearest = ends[0].min(ends[1]).min(ends[2]);
+        let farthest = ends[0].max(ends[1]).max(ends[2]);
+        // A plane seen edge-on has its distance anywhere, or nowhere (NaN): between the corners is all that is known.
+        let t = match self.distance_to_plane(corners) {
+            t if t.is_nan() => nearest,
+            t => t.clamp(nearest, farthest),
+        };
         (t > self.t_min && t < t_max && t.is_finite()).then_some(TriangleHit {
             t,
             u: weight_b * scale,
             v: weight_c * scale,
         })
+    }
+
+    /// Distance to the plane of a triangle. Differences and products of f32 are exact in f64 but for a last rounding.
+    #[inline]
+    fn distance_to_plane(&self, corners: &[Vec3; 3]) -> f32 {
+        let [a, b, c] = corners.map(|corner| corner.as_dvec3());
+        let normal = (b - a).cross(c - a);
+        (normal.dot(a - self.origin.as_dvec3()) / normal.dot(self.direction.as_dvec3())) as f32
     }
 }
 

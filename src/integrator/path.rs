@@ -220,7 +220,11 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
     /// The direction that carries the recursion (equation 11).
     #[inline]
     fn sample_bounce(&self, bsdf: &Bsdf, wo: Vec3, sampler: &Sampler) -> Option<BsdfSample> {
-        let lobe = if bsdf.has_lobes() { sampler.get_1d(Dimension::Lobe) } else { 0.0 };
+        let lobe = if bsdf.has_lobes() {
+            sampler.get_1d(Dimension::Lobe)
+        } else {
+            0.0
+        };
         let u = sampler.get_2d(Dimension::Direction);
         match self.settings.bounce_sampling {
             BounceSampling::Cosine if !bsdf.is_delta() => bsdf.sample_hemisphere(wo, true, lobe, u),
@@ -302,7 +306,9 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
     /// The fraction of light that passes along a segment.
     #[inline]
     fn transmittance(&self, mut ray: Ray) -> f32 {
-        if !Self::CUTOUTS {
+        // The kernel for everything also asks the scene: the two queries of a backend may disagree about a hit at the
+        // very end of the segment, and the image must not depend on the kernel.
+        if !Self::CUTOUTS || !self.scene.features.contains(SceneFeatures::CUTOUTS) {
             return if self.accel.occluded(&ray) { 0.0 } else { 1.0 };
         }
         let mut transmittance = 1.0;

@@ -77,7 +77,12 @@ impl AreaLight {
             return None;
         }
         let target = offset_point(point, self.p_error, self.normal * cos.signum());
-        Some(super::LightSample { wi, radiance, pdf_w, target: Some(target) })
+        Some(super::LightSample {
+            wi,
+            radiance,
+            pdf_w,
+            target: Some(target),
+        })
     }
 
     /// Density per solid angle of a point at this squared distance, seen under this cosine [1/sr].

@@ -180,6 +180,8 @@ impl EnvironmentMap {
         let v_image = ((row as f32 + 0.5 + warp::tent(u[1])) / self.height as f32).abs();
         let v_image = 1.0 - (1.0 - v_image).abs();
         let (sin_theta, cos_theta) = (PI as f32 * v_image).sin_cos();
+        // The f32 next to pi is beyond it: a negative sine would put the point on the other side of the pole.
+        let sin_theta = sin_theta.abs();
         let (sin_phi, cos_phi) = (2.0 * PI as f32 * u_image).sin_cos();
         let (x, z) = (sin_phi * sin_theta, -cos_phi * sin_theta);
         let wi = Vec3::new(
@@ -208,7 +210,11 @@ impl EnvironmentMap {
         let row = v * height as f32 - 0.5;
         let (left, top) = (column.floor(), row.floor());
         let (fx, fy) = (column - left, row - top);
-        let x0 = if left < 0.0 { width - 1 } else { (left as i32).min(width - 1) };
+        let x0 = if left < 0.0 {
+            width - 1
+        } else {
+            (left as i32).min(width - 1)
+        };
         let x1 = if x0 + 1 == width { 0 } else { x0 + 1 };
         let y0 = (top as i32).clamp(0, height - 1);
         let y1 = (top as i32 + 1).clamp(0, height - 1);

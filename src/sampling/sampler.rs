@@ -121,7 +121,11 @@ impl Sampler {
                 let h = mix(self.key ^ dimension.wrapping_mul(0x9E37_79B9_7F4A_7C15));
                 let (shuffle, scramble) = (h as u32, (h >> 32) as u32);
                 let index = owen(self.index.reverse_bits(), shuffle).reverse_bits();
-                (index, scramble, scramble.wrapping_mul(0x9E37_79B1) ^ shuffle.rotate_left(16))
+                (
+                    index,
+                    scramble,
+                    scramble.wrapping_mul(0x9E37_79B1) ^ shuffle.rotate_left(16),
+                )
             }
             SamplerKind::Independent => {
                 let h = mix(self.key ^ mix(dimension << 32 | u64::from(self.index)));

@@ -91,7 +91,10 @@ mod tests {
         for i in -1000..=1000 {
             let x = FRAC_PI_4 * i as f32 / 1000.0;
             let (sin, cos) = sin_cos_eighth(x);
-            assert!((sin - x.sin()).abs() < 1.5e-7 && (cos - x.cos()).abs() < 1.5e-7, "{x}: {sin} {cos}");
+            assert!(
+                (sin - x.sin()).abs() < 1.5e-7 && (cos - x.cos()).abs() < 1.5e-7,
+                "{x}: {sin} {cos}"
+            );
         }
     }
 

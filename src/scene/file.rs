@@ -20,6 +20,9 @@ const MAX_SCALE: f64 = 1e15;
 /// Largest part of a complex index; its fourth power is still within f32.
 const MAX_INDEX: f64 = 1e6;
 
+/// Largest coordinate and length of the camera, which renders in f32.
+const MAX_LENGTH: f64 = 1e30;
+
 /// A scene file as written.
 #[derive(Debug)]
 pub(super) struct SceneFile {
@@ -131,17 +134,17 @@ fn camera(table: &Table<'_>) -> Result<CameraDesc> {
         return Err(resolution.error("expected an array of 2 whole numbers: width and height"));
     };
     let desc = CameraDesc {
-        position: table.require("position")?.vector()?,
-        look_at: table.require("look_at")?.vector()?,
-        up: table.get("up").map_or(Ok(DVec3::Y), |f| f.vector())?,
+        position: table.require("position")?.vector(MAX_LENGTH)?,
+        look_at: table.require("look_at")?.vector(MAX_LENGTH)?,
+        up: table.get("up").map_or(Ok(DVec3::Y), |f| f.vector(MAX_LENGTH))?,
         vfov_degrees: table.require("vfov")?.number()?,
         resolution: [width.count()?, height.count()?],
         aperture_radius: table
             .get("aperture_radius")
-            .map_or(Ok(0.0), |f| f.number_in(0.0, f64::MAX))?,
+            .map_or(Ok(0.0), |f| f.number_in(0.0, MAX_LENGTH))?,
         focus_distance: table
             .get("focus_distance")
-            .map(|f| f.number_in(0.0, f64::MAX))
+            .map(|f| f.number_in(0.0, MAX_LENGTH))
             .transpose()?,
     };
     table.finish()?;

@@ -174,12 +174,12 @@ impl<'a> Field<'a> {
         if (low..=high).contains(&number) {
             return Ok(number);
         }
-        let range = if high == f64::MAX {
-            format!("{low} or more")
-        } else {
-            format!("within {low} to {high}")
-        };
-        Err(self.error(format!("{number} is not {range}")))
+        Err(self.error(format!(
+            "{} is not within {} to {}",
+            short(number),
+            short(low),
+            short(high)
+        )))
     }
 
     /// A whole number, 0 or more.
@@ -209,8 +209,11 @@ impl<'a> Field<'a> {
         Ok(numbers)
     }
 
-    /// A point or direction.
-    pub(super) fn vector(&self) -> Result<DVec3> {
+    /// A point or direction, no coordinate of which exceeds `limit` in size.
+    pub(super) fn vector(&self, limit: f64) -> Result<DVec3> {
+        for coordinate in self.array().unwrap_or_default() {
+            coordinate.number_in(-limit, limit)?;
+        }
         self.numbers::<3>().map(DVec3::from)
     }
 
@@ -220,6 +223,15 @@ impl<'a> Field<'a> {
             channel.number_in(low, high)?;
         }
         self.numbers::<3>().map(crate::math::Rgb::from)
+    }
+}
+
+/// A number for people, who do not count zeros.
+fn short(number: f64) -> String {
+    if number == 0.0 || (1e-6..1e16).contains(&number.abs()) {
+        number.to_string()
+    } else {
+        format!("{number:e}")
     }
 }
 

@@ -6,7 +6,12 @@
 //! each other. Every test has a fixed seed and a stated significance; decisions over many pixels or cells split it after
 //! Šidák, so that the whole test fails by chance with that probability. Since seeds are fixed, it either always does or
 //! never.
-#![allow(dead_code, reason = "every test binary compiles this module and uses a part of it")]
+#![allow(
+    dead_code,
+    unused_imports,
+    unused_macros,
+    reason = "every test binary compiles this module and uses a part of it"
+)]
 
 use embrace::accel::{Accel, BuildOptions};
 use embrace::camera::CameraDesc;
@@ -27,6 +32,7 @@ use std::sync::Arc;
 
 /// Instantiates generic tests, `fn name<A: Accel>()`, for each backend of the build and for the brute-force reference;
 /// after `but not brute:`, where that would take too long, for the backends alone.
+#[allow(unused_macros, reason = "not every test binary has a test per backend")]
 macro_rules! for_each_backend {
     (but not brute: $($test:ident)*) => {
         #[cfg(feature = "embree")]
@@ -48,6 +54,7 @@ macro_rules! for_each_backend {
         }
     };
 }
+#[allow(unused_imports, reason = "not every test binary has a test per backend")]
 pub(crate) use for_each_backend;
 
 /// SplitMix64 (Steele et al. 2014): independent numbers, unlike the renderer's stratified ones.
