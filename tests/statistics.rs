@@ -135,16 +135,34 @@ fn environment_maps_are_sampled_with_the_density_they_state_and_it_integrates_to
             assert!((total - 1.0).abs() < 1e-4, "{name}: the density integrates to {total}");
             let mut random = Random(21);
             let mut counts = vec![0; columns * rows];
+            let (mut pairs, mut pairs_of_radiance) = (Vec::new(), Vec::new());
             for _ in 0..n {
                 let (wi, radiance, pdf_w) = environment.sample(environment.choose_texel(random.bits()), random.pair());
                 assert!((wi.length() - 1.0).abs() < 1e-5 && pdf_w > 0.0, "{name}: {wi} {pdf_w}");
-                assert_eq!((radiance, pdf_w), environment.eval(wi), "{name}: {wi}");
+                let (seen, seen_pdf_w) = environment.eval(wi);
+                // Both interpolate between texels; the place differs by the rounding of two angles.
+                let sin_theta = wi.x.hypot(wi.z);
+                pairs.push([pdf_w * sin_theta, seen_pdf_w * sin_theta]);
+                pairs_of_radiance.push([radiance.g, seen.g]);
                 let [u, v] = lookup(wi.as_dvec3());
                 counts[cell(v, rows) * columns + cell(u, columns)] += 1;
             }
             assert_chi_square(&name, &counts, &pool_ridges(&expected), Significance::TEST.split(tests));
+            assert_equal_but_for_rounding(&format!("{name}, density"), &pairs);
+            assert_equal_but_for_rounding(&format!("{name}, radiance"), &pairs_of_radiance);
         }
     });
+}
+
+/// Panics if the two numbers of a pair differ by more than 1e-3 of the larger and 1e-4 of the largest of all.
+fn assert_equal_but_for_rounding(name: &str, pairs: &[[f32; 2]]) {
+    let largest = pairs.iter().flatten().copied().fold(0.0, f32::max);
+    for [a, b] in pairs {
+        assert!(
+            (a - b).abs() <= 1e-3 * a.max(*b) + 1e-4 * largest,
+            "{name}: {a} and {b} of at most {largest}"
+        );
+    }
 }
 
 /// Rounding moves a point by 1e-7 across the border of a support: cells that expect nothing get a trace, which the chi
