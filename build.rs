@@ -125,7 +125,7 @@ mod embree {
         }
         let bindings = builder
             .generate()
-            .map_err(|error| format!("{}: no bindings could be made: {error}", header.display()))?;
+            .map_err(|error| format!("{}: no bindings could be made: {error}\n{ADVICE}", header.display()))?;
         let path = Path::new(&env::var_os("OUT_DIR").ok_or("OUT_DIR is not set")?).join("embree.rs");
         bindings
             .write_to_file(&path)

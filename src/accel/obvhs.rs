@@ -5,7 +5,7 @@
 //! everywhere.
 //!
 //! The crate's eight-wide compressed tree (Ylitie, Karras, Laine 2017, "Efficient incoherent ray traversal on GPUs
-//! through compressed wide BVHs") is traversed by its own macro, but with [`children_hit`] in place of its node test,
+//! through compressed wide BVHs") is traversed by its own macro, but with `children_hit` in place of its node test,
 //! which drops boxes that the ray leaves before an absolute distance of 1e-4 and lets rounding drop others.
 
 use super::triangle::{self, TriangleHit, TriangleRay};
