@@ -40,6 +40,8 @@ mod embree {
         "rtcSetGeometryTransform",
         "rtcIntersect1",
         "rtcOccluded1",
+        "rtcIntersect16",
+        "rtcOccluded16",
     ];
     const TYPES: &[&str] = &["RTCRayHit"];
     const CONSTANTS: &[&str] = &["RTC_VERSION_MAJOR", "RTC_VERSION_MINOR", "RTC_VERSION_STRING"];

@@ -189,19 +189,26 @@ fn border_distance(hit: &Hit) -> f32 {
     hit.u.min(hit.v).min(1.0 - hit.u - hit.v)
 }
 
-/// Compares on every ray, and returns how many disagree. Panics on what is more than a matter of an edge.
+/// Compares on every ray, traced alone and with its neighbours, and returns how many disagree. Panics on what is more than a matter of an edge.
 fn disagreements<A: Accel>(geometry: &Geometry, rays: &[Ray]) -> usize {
     let (backend, reference) = (build::<A>(geometry), build::<Brute>(geometry));
     let (mut hits, mut count) = (0, 0);
-    for ray in rays {
-        let (found, expected) = (backend.intersect(ray), reference.intersect(ray));
+    let mut together = Vec::new();
+    backend.intersect_coherent(rays, &mut together);
+    assert_eq!(together.len(), rays.len());
+    for (ray, found_together) in rays.iter().zip(together) {
+        let expected = reference.intersect(ray);
         hits += usize::from(expected.is_some());
-        if found != expected && !agree(geometry, ray, found.as_ref(), expected.as_ref()) {
+        let disagrees = |found: Option<Hit>| {
+            if found == expected || agree(geometry, ray, found.as_ref(), expected.as_ref()) {
+                return false;
+            }
             let nearer = found.iter().chain(&expected).min_by(|a, b| a.t.total_cmp(&b.t));
             let border = nearer.map_or(f32::NAN, border_distance);
             assert!(border < 1e-3, "{ray:?}: found {found:?}, expected {expected:?}");
-            count += 1;
-        }
+            true
+        };
+        count += usize::from(disagrees(backend.intersect(ray)) || disagrees(found_together));
     }
     assert!(
         hits * 20 > rays.len(),
@@ -419,8 +426,14 @@ fn occlusion_agrees_with_the_nearest_hit_on_the_same_segment<A: Accel>() {
             4.0 * random.unit()
         };
     }
-    let differs = |ray: &&Ray| backend.occluded(ray) != backend.intersect(ray).is_some();
-    let count = rays.iter().filter(differs).count();
+    let mut together = Vec::new();
+    backend.occluded_many(&rays, &mut together);
+    assert_eq!(together.len(), rays.len());
+    let differs = |(ray, together): &(&Ray, &bool)| {
+        let expected = backend.intersect(ray).is_some();
+        backend.occluded(ray) != expected || **together != expected
+    };
+    let count = rays.iter().zip(&together).filter(differs).count();
     println!("{}: {count} disagreements on {} segments", A::NAME, rays.len());
     assert_eq!(count, 0);
 }
@@ -556,22 +569,37 @@ fn rays_that_are_not_numbers_hit_nothing<A: Accel>() {
     });
     let backend = build::<A>(&geometry);
     let good = Ray::new(Vec3::ZERO, Vec3::Z);
-    assert!(backend.intersect(&good).is_some());
+    let mut bad_rays = Vec::new();
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         for axis in 0..3 {
             let (mut origin, mut direction) = (good, good);
             origin.origin[axis] = bad;
             direction.direction[axis] = bad;
-            for ray in [origin, direction] {
-                assert_eq!(backend.intersect(&ray), None, "{ray:?}");
-                assert!(!backend.occluded(&ray), "{ray:?}");
-            }
+            bad_rays.extend([origin, direction]);
         }
     }
-    for (t_min, t_max) in [(f32::NAN, 1.0), (0.0, f32::NAN), (f32::INFINITY, f32::INFINITY)] {
-        let ray = Ray { t_min, t_max, ..good };
-        assert_eq!(backend.intersect(&ray), None, "{ray:?}");
-        assert!(!backend.occluded(&ray), "{ray:?}");
+    for (t_min, t_max) in [
+        (f32::NAN, 1.0),
+        (0.0, f32::NAN),
+        (f32::INFINITY, f32::INFINITY),
+        (0.0, f32::NEG_INFINITY),
+    ] {
+        bad_rays.push(Ray { t_min, t_max, ..good });
+    }
+    let (mut hits, mut occluded) = (Vec::new(), Vec::new());
+    for ray in &bad_rays {
+        assert_eq!(backend.intersect(ray), None, "{ray:?}");
+        assert!(!backend.occluded(ray), "{ray:?}");
+        // Bad rays leave their neighbours alone.
+        let together = [good, *ray, good];
+        backend.intersect_coherent(&together, &mut hits);
+        assert_eq!(
+            hits.iter().map(Option::is_some).collect::<Vec<_>>(),
+            [true, false, true],
+            "{ray:?}"
+        );
+        backend.occluded_many(&together, &mut occluded);
+        assert_eq!(occluded, [true, false, true], "{ray:?}");
     }
 }
 

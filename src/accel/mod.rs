@@ -151,6 +151,19 @@ pub trait Accel: Sized + Send + Sync {
     /// Whether anything is hit in the open interval of the ray.
     fn occluded(&self, ray: &Ray) -> bool;
 
+    /// [`Accel::intersect`] for each of many rays, in order, for rays that go much the same way, as a camera's do: a
+    /// backend may trace neighbours in the list together.
+    fn intersect_coherent(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>) {
+        hits.clear();
+        hits.extend(rays.iter().map(|ray| self.intersect(ray)));
+    }
+
+    /// [`Accel::occluded`] for each of many rays, in order: a backend may trace neighbours in the list together.
+    fn occluded_many(&self, rays: &[Ray], occluded: &mut Vec<bool>) {
+        occluded.clear();
+        occluded.extend(rays.iter().map(|ray| self.occluded(ray)));
+    }
+
     /// Bytes of the acceleration structure, as far as the library tells.
     fn memory_bytes(&self) -> usize;
 

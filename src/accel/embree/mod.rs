@@ -15,6 +15,7 @@ use std::sync::atomic::{AtomicIsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 mod ffi;
+mod packet;
 #[cfg(embree_major = "3")]
 mod v3;
 #[cfg(embree_major = "3")]
@@ -340,7 +341,6 @@ impl Embree {
     /// The ray as Embree wants it; `None` if it can hit nothing (an empty segment) or is not a number.
     #[inline]
     fn query_ray(ray: &Ray, t_min: f32, t_max: f32) -> Option<ffi::RTCRay> {
-        let is_valid = ray.origin.is_finite() && ray.direction.is_finite() && t_min < t_max;
         // Whole vectors: Embree reads these sixteen bytes at a time, which must not wait for four small stores.
         let lanes = [
             ray.origin.extend(t_min),
@@ -349,8 +349,31 @@ impl Embree {
         ];
         // SAFETY: `RTCRay` is twelve words (asserted below) of plain numbers, in this order: origin and tnear, direction
         // and time, tfar, mask (all ones), id and flags (zero). Every bit pattern is a valid value of each.
-        is_valid.then(|| unsafe { std::mem::transmute::<[Vec4; 3], ffi::RTCRay>(lanes) })
+        is_traceable(ray, t_min, t_max).then(|| unsafe { std::mem::transmute::<[Vec4; 3], ffi::RTCRay>(lanes) })
     }
+}
+
+/// Whether a ray is made of numbers and has an inside.
+#[inline]
+fn is_traceable(ray: &Ray, t_min: f32, t_max: f32) -> bool {
+    ray.origin.is_finite() && ray.direction.is_finite() && t_min < t_max
+}
+
+/// The ends of the segment for an any-hit query: Embree may count hits at the ends, the trait does not, and there is no
+/// distance to look at. Both ends move inwards by more than the rounding of Embree's comparisons.
+#[inline]
+fn open_ends(ray: &Ray) -> (f32, f32) {
+    const ROUNDING: f32 = 4.0 * f32::EPSILON;
+    (
+        (ray.t_min * (1.0 + ROUNDING)).max(f32::MIN_POSITIVE),
+        ray.t_max * (1.0 - ROUNDING),
+    )
+}
+
+/// Embree's ids of a hit as ours: the top level's is the index of the placement.
+#[inline]
+fn placement(geometry: u32, instance: u32) -> u32 {
+    if instance == INVALID_ID { geometry } else { instance }
 }
 
 const _: () = assert!(size_of::<ffi::RTCRay>() == size_of::<[Vec4; 3]>());
@@ -411,14 +434,9 @@ impl Accel for Embree {
                 return None;
             }
             if t > ray.t_min {
-                let instance = query.hit.instID[0];
                 return Some(Hit {
                     t,
-                    placement: if instance == INVALID_ID {
-                        query.hit.geomID
-                    } else {
-                        instance
-                    },
+                    placement: placement(query.hit.geomID, query.hit.instID[0]),
                     triangle: query.hit.primID,
                     u: query.hit.u,
                     v: query.hit.v,
@@ -436,16 +454,21 @@ impl Accel for Embree {
 
     #[inline]
     fn occluded(&self, ray: &Ray) -> bool {
-        // Embree may count hits at the ends, the trait does not, and there is no distance to look at: move both ends
-        // inwards by more than the rounding of Embree's comparisons.
-        const ROUNDING: f32 = 4.0 * f32::EPSILON;
-        let t_min = (ray.t_min * (1.0 + ROUNDING)).max(f32::MIN_POSITIVE);
-        let Some(mut query) = Embree::query_ray(ray, t_min, ray.t_max * (1.0 - ROUNDING)) else {
+        let (t_min, t_max) = open_ends(ray);
+        let Some(mut query) = Embree::query_ray(ray, t_min, t_max) else {
             return false;
         };
         // SAFETY: the scene was committed in `build`, and nothing changes it after that.
         unsafe { query::occluded1(self.scene.handle, &mut query) };
         query.tfar == f32::NEG_INFINITY
+    }
+
+    fn intersect_coherent(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>) {
+        packet::intersect(self, rays, hits);
+    }
+
+    fn occluded_many(&self, rays: &[Ray], occluded: &mut Vec<bool>) {
+        packet::occluded(self, rays, occluded);
     }
 
     fn memory_bytes(&self) -> usize {
