@@ -51,7 +51,7 @@ pub fn face_normal([a, b, c]: [Vec3; 3]) -> Option<(Vec3, f32)> {
     let length_squared = cross.length_squared();
     if length_squared > 1e-30 && length_squared < 1e30 {
         let length = length_squared.sqrt();
-        return Some((cross / length, length));
+        return Some((cross * (1.0 / length), length));
     }
     // The squares of very small or very large edges leave the f32 range.
     let cross = (b.as_dvec3() - a.as_dvec3()).cross(c.as_dvec3() - a.as_dvec3());
@@ -101,7 +101,8 @@ impl SurfaceInteraction {
             winding = -winding;
         }
         let front = wo.dot(winding) >= 0.0;
-        let ng = if front { winding } else { -winding };
+        let side = if front { 1.0 } else { -1.0 };
+        let ng = winding * side;
 
         let mut ns = ng;
         let mut lifted = Vec3::ZERO;
@@ -120,7 +121,6 @@ impl SurfaceInteraction {
             }
             // A normal that could not be repaired is zero: the face normal serves for its whole triangle.
             if !normals.contains(&Vec3::ZERO) {
-                let side = if front { 1.0 } else { -1.0 };
                 let interpolated = normals[0] * weights[0] + normals[1] * weights[1] + normals[2] * weights[2];
                 ns = bend_towards((interpolated * side).try_normalize().unwrap_or(ng), wo);
                 if lift {

@@ -14,6 +14,8 @@
 //! - the slot and the coin come from one 64-bit number: the slot from its high part, the coin from the 40 or more bits
 //!   that remain for any table that fits in memory. A 24-bit float would leave one bit for a 4096 × 2048 map.
 
+use std::hint::select_unpredictable;
+
 /// A table that draws index `i` with probability proportional to the `i`-th weight. Eight bytes per entry.
 #[derive(Clone, Debug, Default)]
 pub struct AliasTable {
@@ -101,11 +103,8 @@ impl AliasTable {
         let k = (scaled >> 64) as usize;
         let coin = ((scaled as u64) >> 11) as i64 as f64 * (1.0 / 9_007_199_254_740_992.0);
         let slot = self.slots[k];
-        if coin < f64::from(slot.keep) {
-            k as u32
-        } else {
-            slot.alias
-        }
+        // A branch on the coin could not be predicted, and would hold up the loads behind it.
+        select_unpredictable(coin < f64::from(slot.keep), k as u32, slot.alias)
     }
 
     /// The probability of every index as the table draws it, equation (1). This, and not the weights, is what an

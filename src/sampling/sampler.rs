@@ -8,6 +8,7 @@
 
 /// Which random numbers to draw.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u32)]
 pub enum SamplerKind {
     /// Owen-scrambled Sobol points, padded by pairs of dimensions.
     #[default]
@@ -49,6 +50,7 @@ const BOUNCE_STRIDE: u32 = 64;
 pub struct Sampler {
     kind: SamplerKind,
     key: u64,
+    /// Of the sample; bit-reversed, as [`owen`] wants it, for Sobol points.
     index: u32,
     bounce: u32,
 }
@@ -61,7 +63,10 @@ impl Sampler {
         Sampler {
             kind,
             key: mix(mix(seed ^ 0x5851_F42D_4C95_7F2D) ^ pixel),
-            index,
+            index: match kind {
+                SamplerKind::Sobol => index.reverse_bits(),
+                SamplerKind::Independent => index,
+            },
             bounce: 0,
         }
     }
@@ -77,7 +82,12 @@ impl Sampler {
     pub fn get_2d(&self, dimension: Dimension) -> [f32; 2] {
         let (index, first, second) = self.keys(dimension as u32);
         match self.kind {
-            SamplerKind::Sobol => [owen(index, first), owen(pascal(index), second)].map(|x| unit_f32(x.reverse_bits())),
+            SamplerKind::Sobol => {
+                // Both reversed at once.
+                let point = u64::from(owen(pascal(index), second)) << 32 | u64::from(owen(index, first));
+                let reversed = point.reverse_bits();
+                [(reversed >> 32) as u32, reversed as u32].map(unit_f32)
+            }
             SamplerKind::Independent => [first, second].map(unit_f32),
         }
     }
@@ -111,7 +121,7 @@ impl Sampler {
         }
     }
 
-    /// Sobol: the shuffled index, bit-reversed as [`owen`] wants it, and the keys of two scramblings. Independent: the
+    /// Sobol: the shuffled index, not reversed any more, and the keys of two scramblings. Independent: the
     /// last two are the random bits.
     #[inline(always)]
     fn keys(&self, offset: u32) -> (u32, u32, u32) {
@@ -120,7 +130,7 @@ impl Sampler {
             SamplerKind::Sobol => {
                 let h = mix(self.key ^ dimension.wrapping_mul(0x9E37_79B9_7F4A_7C15));
                 let (shuffle, scramble) = (h as u32, (h >> 32) as u32);
-                let index = owen(self.index.reverse_bits(), shuffle).reverse_bits();
+                let index = owen(self.index, shuffle).reverse_bits();
                 (
                     index,
                     scramble,

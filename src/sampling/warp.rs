@@ -1,28 +1,20 @@
 //! Maps from the unit square to the shapes that paths are sampled on, and their densities.
 
-use crate::math::Vec3;
-use std::f32::consts::{FRAC_1_PI, FRAC_PI_4, PI, TAU};
+use crate::math::{Vec3, sin_cos_eighth, sin_cos_turns};
+use std::f32::consts::{FRAC_1_PI, TAU};
 
 /// A point of the unit disk, uniform by area, from the concentric map of Shirley and Chiu 1997.
 #[inline]
 pub fn disk([u, v]: [f32; 2]) -> [f32; 2] {
     let (a, b) = (2.0 * u - 1.0, 2.0 * v - 1.0);
-    // Selections instead of branches: which side of the diagonal a point is on cannot be predicted.
-    let steep = b.abs() >= a.abs();
-    let (r, other) = if steep { (b, a) } else { (a, b) };
+    // Which side of the diagonal a point is on cannot be predicted: blend by weights of 0 and 1, which is exact, rather
+    // than branch.
+    let steep = f32::from(b.abs() >= a.abs());
+    let select = |yes: f32, no: f32| yes * steep + no * (1.0 - steep);
+    let (r, other) = (select(b, a), select(a, b));
     let ratio = if r == 0.0 { 0.0 } else { other / r };
-    let (sin, cos) = sin_cos_eighth(FRAC_PI_4 * ratio);
-    if steep { [r * sin, r * cos] } else { [r * cos, r * sin] }
-}
-
-/// Sine and cosine of an angle within an eighth of a turn, by their series up to the ninth power: exact to an ulp there,
-/// and in line where the library's would be a call.
-#[inline]
-fn sin_cos_eighth(x: f32) -> (f32, f32) {
-    let x2 = x * x;
-    let sin = x * (1.0 - x2 * (1.0 / 6.0 - x2 * (1.0 / 120.0 - x2 * (1.0 / 5040.0 - x2 * (1.0 / 362_880.0)))));
-    let cos = 1.0 - x2 * (0.5 - x2 * (1.0 / 24.0 - x2 * (1.0 / 720.0 - x2 * (1.0 / 40_320.0))));
-    (sin, cos)
+    let (sin, cos) = sin_cos_eighth(0.125 * ratio);
+    [r * select(sin, cos), r * select(cos, sin)]
 }
 
 /// A unit direction around +z with density cos θ / π.
@@ -60,7 +52,7 @@ pub const UNIFORM_SPHERE_PDF_W: f32 = 1.0 / (2.0 * TAU);
 
 fn direction(cos_theta: f32, v: f32) -> Vec3 {
     let r = (1.0 - cos_theta * cos_theta).max(0.0).sqrt();
-    let (sin, cos) = (TAU * v - PI).sin_cos();
+    let (sin, cos) = sin_cos_turns(v);
     Vec3::new(r * cos, r * sin, cos_theta)
 }
 
@@ -75,28 +67,12 @@ pub fn triangle([u, v]: [f32; 2]) -> [f32; 2] {
 /// A number in (-1, 1) with the tent density 1 − |x|.
 #[inline]
 pub fn tent(u: f32) -> f32 {
-    if u < 0.5 {
-        (2.0 * u).sqrt() - 1.0
-    } else {
-        1.0 - (2.0 - 2.0 * u).sqrt()
-    }
+    (1.0 - (2.0 * u).min(2.0 - 2.0 * u).sqrt()).copysign(u - 0.5)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_series_for_sine_and_cosine_are_exact_to_an_ulp_or_two() {
-        for i in -1000..=1000 {
-            let x = FRAC_PI_4 * i as f32 / 1000.0;
-            let (sin, cos) = sin_cos_eighth(x);
-            assert!(
-                (sin - x.sin()).abs() < 1.5e-7 && (cos - x.cos()).abs() < 1.5e-7,
-                "{x}: {sin} {cos}"
-            );
-        }
-    }
 
     #[test]
     fn the_corners_of_the_unit_square_give_valid_points() {
