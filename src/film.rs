@@ -34,6 +34,19 @@ impl Rect {
     pub fn pixels(&self) -> u64 {
         u64::from(self.width()) * u64::from(self.height())
     }
+
+    /// Column and row of every pixel, one 4 x 4 block after the other: neighbours in the list are neighbours in the
+    /// image.
+    pub fn pixels_by_blocks(self) -> impl Iterator<Item = (u32, u32)> {
+        const BLOCK: u32 = 4;
+        let Rect { x0, y0, x1, y1 } = self;
+        let blocks = (y0..y1)
+            .step_by(BLOCK as usize)
+            .flat_map(move |y| (x0..x1).step_by(BLOCK as usize).map(move |x| (x, y)));
+        blocks.flat_map(move |(bx, by)| {
+            (by..y1.min(by + BLOCK)).flat_map(move |y| (bx..x1.min(bx + BLOCK)).map(move |x| (x, y)))
+        })
+    }
 }
 
 /// Part of the film, owned by one thread at a time.

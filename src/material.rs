@@ -151,4 +151,16 @@ impl Material {
     pub fn is_diffuse(&self) -> bool {
         matches!(self.scattering, Scattering::Diffuse { .. })
     }
+
+    /// Whether it scatters into single directions only, at every point and on both sides.
+    pub fn is_delta(&self) -> bool {
+        match self.scattering {
+            Scattering::Diffuse { .. } | Scattering::Plastic { .. } => false,
+            Scattering::Conductor { eta, k, alpha } => Bsdf::Conductor(Conductor { eta, k, alpha }).is_delta(),
+            Scattering::Dielectric { ior, alpha } => [ior, 1.0 / ior]
+                .iter()
+                .all(|&eta| Bsdf::Dielectric(Dielectric { eta, alpha }).is_delta()),
+            Scattering::Mirror { .. } => true,
+        }
+    }
 }

@@ -1,8 +1,8 @@
 //! Rendering a film: tiles × samples on the threads of the current rayon pool.
 
 use crate::accel::Accel;
-use crate::film::{Film, Rect};
-use crate::integrator::{Kernel, RayCounts, Settings};
+use crate::film::{Film, Rect, Tile};
+use crate::integrator::{Batch, Kernel, RayCounts, SampleId, Settings};
 use crate::scene::Scene;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -21,17 +21,6 @@ pub struct Job {
     pub spp: u32,
     /// The estimator.
     pub settings: Settings,
-}
-
-/// A sample that was not a finite number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-pub struct SampleId {
-    /// Index of the sample.
-    pub sample: u32,
-    /// Row of the full image.
-    pub y: u32,
-    /// Column of the full image.
-    pub x: u32,
 }
 
 /// Samples left out of the film because they were NaN or infinite: each counts as black.
@@ -87,35 +76,35 @@ pub fn render<A: Accel>(
     while start < job.spp && !stop() {
         // 1, 1, 2, 4, ...: a first look at once, then longer passes.
         let pass = start.clamp(1, MAX_PASS).min(job.spp - start);
-        let render_tile = |tile: &mut crate::film::Tile| {
+        let render_tile = |batch: &mut Batch, tile: &mut Tile| {
             let mut report = RenderReport::default();
             if stop() {
                 return report;
             }
-            let rect = tile.rect;
-            for y in rect.y0..rect.y1 {
-                for x in rect.x0..rect.x1 {
-                    for sample in start..start + pass {
-                        let radiance = kernel(scene, accel, &job.settings, x, y, sample, &mut report.rays);
-                        if radiance.is_finite() {
-                            tile.add(x, y, radiance);
-                        } else {
-                            let dropped = SampleId { sample, y, x };
-                            report.dropped.count += 1;
-                            report.dropped.first = Some(report.dropped.first.map_or(dropped, |f| f.min(dropped)));
-                        }
+            let mut samples = tile
+                .rect
+                .pixels_by_blocks()
+                .flat_map(|(x, y)| (start..start + pass).map(move |sample| SampleId { sample, y, x }));
+            while batch.fill(&mut samples) {
+                kernel(scene, accel, &job.settings, batch, &mut report.rays);
+                for (id, radiance) in batch.results() {
+                    if radiance.is_finite() {
+                        tile.add(id.x, id.y, radiance);
+                    } else {
+                        report.dropped.count += 1;
+                        report.dropped.first = Some(report.dropped.first.map_or(id, |first| first.min(id)));
                     }
                 }
             }
             tile.samples += pass;
-            report.paths = rect.pixels() * u64::from(pass);
+            report.paths = tile.rect.pixels() * u64::from(pass);
             progress(done.fetch_add(report.paths, Ordering::Relaxed) + report.paths);
             report
         };
         let pass_report = film
             .tiles_mut()
             .par_iter_mut()
-            .map(render_tile)
+            .map_init(Batch::default, render_tile)
             .reduce(RenderReport::default, RenderReport::plus);
         report = report.plus(pass_report);
         start += pass;

@@ -9,9 +9,8 @@ use embrace::image::Image;
 use embrace::light::{Emission, EnvSampling, Environment, LightSamplerBuilder};
 use embrace::math::{DVec3, Rgb, Vec3};
 use embrace::sampling::{Sampler, SamplerKind, warp};
-use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
-use support::{Random, Significance, assert_chi_square, integrate};
+use support::{Random, Significance, assert_chi_square, for_each_in_parallel, integrate};
 
 /// Cells of the unit interval or square that a coordinate in [0, 1) falls into.
 fn cell(c: f64, n: usize) -> usize {
@@ -114,7 +113,7 @@ fn environment_maps_are_sampled_with_the_density_they_state_and_it_integrates_to
         ("rotated", map(16, 8, |x, y| random[(y * 16 + x) as usize]), 33.0),
     ];
     let tests = 2 * maps.len();
-    maps.par_iter().for_each(|(name, image, rotation)| {
+    for_each_in_parallel(&maps, |(name, image, rotation)| {
         for sampling in [EnvSampling::Importance, EnvSampling::Uniform] {
             let name = format!("{name}, {sampling:?}");
             let environment = Environment::from_map(image, 1.0, *rotation, sampling).expect("a valid map");
@@ -137,7 +136,8 @@ fn environment_maps_are_sampled_with_the_density_they_state_and_it_integrates_to
             let mut counts = vec![0; columns * rows];
             let (mut pairs, mut pairs_of_radiance) = (Vec::new(), Vec::new());
             for _ in 0..n {
-                let (wi, radiance, pdf_w) = environment.sample(environment.choose_texel(random.bits()), random.pair());
+                let point = environment.sample(environment.choose_texel(random.bits()), random.pair());
+                let (wi, (radiance, pdf_w)) = (point.wi, environment.lookup(&point));
                 assert!((wi.length() - 1.0).abs() < 1e-5 && pdf_w > 0.0, "{name}: {wi} {pdf_w}");
                 let (seen, seen_pdf_w) = environment.eval(wi);
                 // Both interpolate between texels; the place differs by the rounding of two angles.
@@ -186,7 +186,9 @@ fn the_mean_sample_of_a_hot_texel_is_its_lookup_centre() {
         let n = 100_000;
         let mut sum = [0.0; 2];
         for _ in 0..n {
-            let (wi, ..) = environment.sample(environment.choose_texel(random.bits()), random.pair());
+            let wi = environment
+                .sample(environment.choose_texel(random.bits()), random.pair())
+                .wi;
             let [u, v] = lookup(wi.as_dvec3());
             sum[0] += (u - centre[0] + 0.5).rem_euclid(1.0) - 0.5;
             sum[1] += v - centre[1];
@@ -283,7 +285,7 @@ fn area_lights_are_drawn_by_power_and_with_the_density_they_state() {
     assert_eq!(visible.iter().filter(|v| **v).count(), 3, "{visible:?}");
     for sample in 0..n {
         let numbers = Sampler::new(SamplerKind::Independent, 8, 0, 0, sample);
-        let Some(light) = sampler.sample::<true, false>(sampler.choose::<true, false>(&numbers), p, &numbers) else {
+        let Some(light) = sampler.sample(p, &numbers) else {
             *counts.last_mut().expect("not empty") += 1;
             continue;
         };
@@ -452,7 +454,7 @@ fn scattering_is_sampled_with_the_density_it_states_and_reflects_no_more_than_ar
         .collect();
     let significance = Significance::TEST.split(2 * cases.len());
     let n = 100_000u32;
-    cases.par_iter().for_each(|(name, bsdf, alpha, cos)| {
+    for_each_in_parallel(&cases, |(name, bsdf, alpha, cos)| {
         let wo = direction_to_eye(*cos);
         let eta = ior(bsdf);
         let edges = polar_cells(*alpha);

@@ -7,7 +7,7 @@ use crate::scene::{Scene, SceneFeatures};
 
 mod path;
 
-pub use path::{PathTracer, RayCounts};
+pub use path::{Batch, RayCounts, SampleId};
 
 /// Which light is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -104,8 +104,8 @@ impl Settings {
     }
 }
 
-/// Computes one sample of one pixel: radiance, and the rays it took.
-pub type Kernel<A> = fn(&Scene, &A, &Settings, u32, u32, u32, &mut RayCounts) -> crate::math::Rgb;
+/// Computes the samples of a batch, and counts the rays they take.
+pub type Kernel<A> = fn(&Scene, &A, &Settings, &mut Batch, &mut RayCounts);
 
 /// Which kernel to take.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -119,7 +119,7 @@ pub enum KernelChoice {
 
 macro_rules! kernels {
     ($($features:expr),+ $(,)?) => {
-        [$(($features, path::sample_pixel::<A, { $features.0 }>)),+]
+        [$(($features, path::trace::<A, { $features.0 }>)),+]
     };
 }
 

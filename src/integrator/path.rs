@@ -1,18 +1,26 @@
-//! The path tracer: the article's `Shade` as a loop.
+//! The path tracer: the article's `Shade` as a loop, over a batch of paths at a time.
 //!
 //! At each vertex, one emitter sample (equations 6 to 10) and one bounce that carries the recursion (equation 11). A
 //! bounce that happens to hit an emitter estimates the same direct light; the two are combined by multiple importance
 //! sampling. Roulette ends the path and keeps the weight.
+//!
+//! All paths of a batch make the same step before any makes the next one, for three reasons: a backend traces camera and
+//! shadow rays faster together than alone; a loop that only fetches from an environment map, far larger than the
+//! caches, waits for many texels at once; and a loop that does one thing keeps the processor's pipelines full. What a
+//! path computes does not depend on the others in its batch, but for ties: of two triangles at the same distance, a
+//! backend may find another one in other company. Which samples share a batch depends on the image and the sample range
+//! alone.
 
 use super::{BounceSampling, Roulette, Settings};
 use crate::accel::{Accel, Hit, Ray};
 use crate::bsdf::{Bsdf, BsdfSample};
 use crate::interaction::{SurfaceInteraction, texture_coordinates};
-use crate::light::Choice;
+use crate::light::{Emitter, EnvironmentPoint, LightSample};
 use crate::math::{Rgb, Vec3};
 use crate::sampling::mis::power_heuristic;
 use crate::sampling::{Dimension, Sampler};
 use crate::scene::{Scene, SceneFeatures};
+use serde::Serialize;
 
 /// Scattering events before roulette by throughput begins: short paths carry most of the image.
 const ROULETTE_DEPTH: u32 = 4;
@@ -42,35 +50,35 @@ impl RayCounts {
     }
 }
 
-/// Estimates radiance in one scene. `F` is the set of features that the code is compiled for.
-pub struct PathTracer<'a, A, const F: u32> {
-    scene: &'a Scene,
-    accel: &'a A,
-    settings: &'a Settings,
+/// Paths that advance together. Enough to fill packets of rays for several bounces, and few enough that their state stays
+/// in a core's own cache.
+const BATCH: usize = 256;
+
+/// Names one sample of one pixel of the full image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+pub struct SampleId {
+    /// Index of the sample.
+    pub sample: u32,
+    /// Row.
+    pub y: u32,
+    /// Column.
+    pub x: u32,
 }
 
-/// One sample of the pixel in column `x`, row `y` of the full image.
-pub(super) fn sample_pixel<A: Accel, const F: u32>(
-    scene: &Scene,
-    accel: &A,
-    settings: &Settings,
-    x: u32,
-    y: u32,
+/// A path on its way. Its ray is kept apart, where a backend finds all rays side by side.
+#[derive(Clone, Copy, Debug)]
+struct Path {
+    /// Index into [`Batch::radiance`].
     sample: u32,
-    counts: &mut RayCounts,
-) -> Rgb {
-    let sampler = Sampler::new(settings.sampler, settings.seed, x, y, sample);
-    let jitter = sampler.get_2d(Dimension::Pixel);
-    let lens = if scene.camera.has_lens() {
-        sampler.get_2d(Dimension::Lens)
-    } else {
-        [0.5; 2]
-    };
-    let ray = scene.camera.ray(x, y, jitter, lens);
-    PathTracer::<A, F> { scene, accel, settings }.radiance(ray, sampler, counts)
+    sampler: Sampler,
+    throughput: Rgb,
+    /// Undoes the solid-angle factor of refraction in roulette decisions.
+    eta_squared: f32,
+    bounce: Bounce,
 }
 
 /// What the next hit on an emitter needs to know of the bounce that led there.
+#[derive(Clone, Copy, Debug)]
 struct Bounce {
     /// Where it started.
     p: Vec3,
@@ -78,113 +86,318 @@ struct Bounce {
     pdf_w: f32,
 }
 
+/// The state of a batch of paths. Kept from one batch to the next so that rendering does not allocate.
+#[derive(Debug, Default)]
+pub struct Batch {
+    /// By sample: which one, and the result.
+    samples: Vec<SampleId>,
+    radiance: Vec<Rgb>,
+    /// By path, those that are still on their way.
+    paths: Vec<Path>,
+    rays: Vec<Ray>,
+    hits: Vec<Option<Hit>>,
+    /// By path: the emitter to sample at its hit; if that is the environment, the sample.
+    emitters: Vec<Emitter>,
+    environment_samples: Vec<Option<LightSample>>,
+    /// From random bits to a texel to a place on the environment, each with the path that asks.
+    texel_bits: Vec<(u32, u64)>,
+    texels: Vec<(u32, u32)>,
+    lookups: Vec<(u32, EnvironmentPoint)>,
+    /// Rays towards emitters; and by ray, the sample and the light that arrives if nothing is in between.
+    shadow_rays: Vec<Ray>,
+    shadow_light: Vec<(u32, Rgb)>,
+    occluded: Vec<bool>,
+}
+
+impl Batch {
+    /// Takes the next samples to compute, up to [`BATCH`]; false if there are none.
+    pub fn fill(&mut self, samples: &mut impl Iterator<Item = SampleId>) -> bool {
+        self.samples.clear();
+        self.samples.extend(samples.take(BATCH));
+        !self.samples.is_empty()
+    }
+
+    /// The samples and their radiance [W·m⁻²·sr⁻¹], once a kernel has computed them.
+    pub fn results(&self) -> impl Iterator<Item = (SampleId, Rgb)> {
+        self.samples.iter().copied().zip(self.radiance.iter().copied())
+    }
+}
+
+/// Estimates radiance in one scene. `F` is the set of features that the code is compiled for.
+struct PathTracer<'a, A, const F: u32> {
+    scene: &'a Scene,
+    accel: &'a A,
+    settings: &'a Settings,
+}
+
+/// Traces the paths of a batch.
+pub(super) fn trace<A: Accel, const F: u32>(
+    scene: &Scene,
+    accel: &A,
+    settings: &Settings,
+    batch: &mut Batch,
+    counts: &mut RayCounts,
+) {
+    PathTracer::<A, F> { scene, accel, settings }.trace(batch, counts);
+}
+
 impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
     const ENVIRONMENT: bool = SceneFeatures(F).contains(SceneFeatures::ENVIRONMENT);
     const AREA_LIGHTS: bool = SceneFeatures(F).contains(SceneFeatures::AREA_LIGHTS);
-    const CUTOUTS: bool = SceneFeatures(F).contains(SceneFeatures::CUTOUTS);
 
-    /// Radiance that arrives along a camera ray [W·m⁻²·sr⁻¹].
-    #[inline]
-    fn radiance(&self, mut ray: Ray, mut sampler: Sampler, counts: &mut RayCounts) -> Rgb {
+    fn trace(&self, batch: &mut Batch, counts: &mut RayCounts) {
         let depth_limit = self.settings.depth_limit();
-        let mut radiance = Rgb::BLACK;
-        let mut throughput = Rgb::WHITE;
-        // Undoes the solid-angle factor of refraction in roulette decisions.
-        let mut eta_squared = 1.0;
-        let mut bounce = Bounce {
-            p: ray.origin,
-            pdf_w: f32::INFINITY,
-        };
-        let mut depth = 0;
-        counts.camera += 1;
-        loop {
-            sampler.set_bounce(depth);
-            let Some(hit) = self.intersect(ray, &sampler) else {
-                if Self::ENVIRONMENT {
-                    radiance += throughput * self.escaped(&ray, &bounce);
-                }
-                return radiance;
-            };
-            let choice = self.choose_light(&sampler);
-            let Some(si) = self.interaction(&hit, -ray.direction) else {
-                return radiance;
-            };
-            if Self::AREA_LIGHTS {
-                radiance += throughput * self.emitted(&hit, &si, &bounce);
+        self.start(batch);
+        counts.camera += batch.paths.len() as u64;
+        for depth in 0.. {
+            self.intersect(depth, batch);
+            if Self::ENVIRONMENT {
+                self.add_escaped(batch);
             }
             if depth == depth_limit {
-                return radiance;
-            }
-            let bsdf = self.bsdf(&hit, &si);
-            if bsdf.is_black() {
-                return radiance;
-            }
-            let wo = si.frame.to_local(si.wo);
-            let is_delta = bsdf.is_delta();
-            if !is_delta {
-                radiance += throughput * self.direct(choice, &si, &bsdf, wo, &sampler, counts);
-            }
-            depth += 1;
-            // Past the limit a bounce counts only by the emitter it hits, and not even so without MIS.
-            if depth == depth_limit && !self.settings.mis && !is_delta {
-                return radiance;
-            }
-
-            let Some(sample) = self.sample_bounce(&bsdf, wo, &sampler) else {
-                return radiance;
-            };
-            throughput *= sample.weight;
-            eta_squared *= sample.eta_squared;
-            let survival = self.survival(throughput, eta_squared, depth);
-            if survival < 1.0 {
-                if sampler.get_1d(Dimension::Roulette) >= survival {
-                    return radiance;
+                if Self::AREA_LIGHTS {
+                    self.add_emitted(batch);
                 }
-                throughput = throughput / survival;
+                return;
             }
-            ray = si.spawn_ray(si.frame.to_world(sample.wi), sample.wi.z < 0.0);
-            bounce = Bounce {
-                p: si.p,
-                pdf_w: sample.pdf_w,
+            self.choose_emitters(batch);
+            if Self::ENVIRONMENT {
+                self.sample_environment(batch);
+            }
+            self.scatter(depth, batch);
+            counts.bounce += batch.paths.len() as u64;
+            counts.shadow += batch.shadow_rays.len() as u64;
+            self.add_unoccluded(batch);
+            if batch.paths.is_empty() {
+                return;
+            }
+        }
+    }
+
+    /// Starts a path at the camera for each sample.
+    fn start(&self, batch: &mut Batch) {
+        batch.radiance.clear();
+        batch.radiance.resize(batch.samples.len(), Rgb::BLACK);
+        batch.paths.clear();
+        batch.rays.clear();
+        for (i, &SampleId { sample, y, x }) in batch.samples.iter().enumerate() {
+            let sampler = Sampler::new(self.settings.sampler, self.settings.seed, x, y, sample);
+            let jitter = sampler.get_2d(Dimension::Pixel);
+            let lens = if self.scene.camera.has_lens() {
+                sampler.get_2d(Dimension::Lens)
+            } else {
+                [0.5; 2]
             };
-            counts.bounce += 1;
+            let ray = self.scene.camera.ray(x, y, jitter, lens);
+            batch.paths.push(Path {
+                sample: i as u32,
+                sampler,
+                throughput: Rgb::WHITE,
+                eta_squared: 1.0,
+                bounce: Bounce {
+                    p: ray.origin,
+                    pdf_w: f32::INFINITY,
+                },
+            });
+            batch.rays.push(ray);
         }
     }
 
-    /// The emitter to sample at the next vertex.
-    #[inline(always)]
-    fn choose_light(&self, sampler: &Sampler) -> Choice {
-        let lights = &self.scene.lights;
-        match (Self::AREA_LIGHTS, Self::ENVIRONMENT) {
-            (true, true) => lights.choose::<true, true>(sampler),
-            (true, false) => lights.choose::<true, false>(sampler),
-            (false, _) => lights.choose::<false, true>(sampler),
+    /// Finds what each path meets.
+    fn intersect(&self, depth: u32, batch: &mut Batch) {
+        let Batch { paths, rays, hits, .. } = batch;
+        if self.has_cutouts() {
+            hits.clear();
+            hits.extend(
+                rays.iter()
+                    .zip(&*paths)
+                    .map(|(ray, path)| self.nearest_opaque(*ray, &path.sampler)),
+            );
+        } else if depth == 0 {
+            self.accel.intersect_coherent(rays, hits);
+        } else {
+            hits.clear();
+            hits.extend(rays.iter().map(|ray| self.accel.intersect(ray)));
         }
     }
 
-    /// Direct light by one emitter sample (equations 6 to 10).
-    #[inline]
-    fn direct(
-        &self,
-        choice: Choice,
-        si: &SurfaceInteraction,
-        bsdf: &Bsdf,
-        wo: Vec3,
-        sampler: &Sampler,
-        counts: &mut RayCounts,
-    ) -> Rgb {
-        let lights = &self.scene.lights;
-        let Some(light) = (match (Self::AREA_LIGHTS, Self::ENVIRONMENT) {
-            (true, true) => lights.sample::<true, true>(choice, si.p, sampler),
-            (true, false) => lights.sample::<true, false>(choice, si.p, sampler),
-            (false, _) => lights.sample::<false, true>(choice, si.p, sampler),
-        }) else {
-            return Rgb::BLACK;
+    /// Adds the environment's light to paths that met nothing.
+    fn add_escaped(&self, batch: &mut Batch) {
+        let Some(environment) = self.scene.lights.environment() else {
+            return;
         };
+        batch.lookups.clear();
+        for (i, (hit, ray)) in batch.hits.iter().zip(&batch.rays).enumerate() {
+            if hit.is_none() {
+                batch.lookups.push((i as u32, environment.locate(ray.direction)));
+            }
+        }
+        for (i, point) in &batch.lookups {
+            let path = &batch.paths[*i as usize];
+            let (radiance, light_pdf_w) = self.scene.lights.environment_lookup(environment, point);
+            batch.radiance[path.sample as usize] +=
+                path.throughput * (radiance * self.hit_weight(&path.bounce, light_pdf_w));
+        }
+    }
+
+    /// Adds the light of emitters that paths met.
+    fn add_emitted(&self, batch: &mut Batch) {
+        for ((path, ray), hit) in batch.paths.iter().zip(&batch.rays).zip(&batch.hits) {
+            let Some(hit) = hit else { continue };
+            if let Some(si) = self.interaction(hit, -ray.direction) {
+                batch.radiance[path.sample as usize] += path.throughput * self.emitted(hit, &si, &path.bounce);
+            }
+        }
+    }
+
+    /// Chooses the emitter to sample at each hit.
+    fn choose_emitters(&self, batch: &mut Batch) {
+        let lights = &self.scene.lights;
+        batch.emitters.clear();
+        batch
+            .emitters
+            .extend(batch.paths.iter().zip(&batch.hits).map(|(path, hit)| {
+                let scatters = hit.is_some_and(|hit| !self.scene.surfaces[hit.placement as usize].is_delta);
+                match (Self::AREA_LIGHTS, Self::ENVIRONMENT) {
+                    _ if !scatters => Emitter::None,
+                    (true, true) => lights.choose::<true, true>(&path.sampler),
+                    (true, false) => lights.choose::<true, false>(&path.sampler),
+                    (false, true) => lights.choose::<false, true>(&path.sampler),
+                    (false, false) => Emitter::None,
+                }
+            }));
+    }
+
+    /// Samples the environment for the hits that chose it, which needs no hit point.
+    fn sample_environment(&self, batch: &mut Batch) {
+        let lights = &self.scene.lights;
+        let Some(environment) = lights.environment() else {
+            return;
+        };
+        let Batch {
+            paths,
+            emitters,
+            environment_samples,
+            texel_bits,
+            texels,
+            lookups,
+            ..
+        } = batch;
+        texel_bits.clear();
+        for (i, (emitter, path)) in emitters.iter().zip(&*paths).enumerate() {
+            if *emitter == Emitter::Environment {
+                texel_bits.push((i as u32, path.sampler.get_u64(Dimension::Texel)));
+            }
+        }
+        texels.clear();
+        texels.extend(texel_bits.iter().map(|&(i, bits)| (i, environment.choose_texel(bits))));
+        lookups.clear();
+        lookups.extend(texels.iter().map(|&(i, texel)| {
+            let u = paths[i as usize].sampler.get_2d(Dimension::LightPosition);
+            (i, environment.sample(texel, u))
+        }));
+        environment_samples.resize(paths.len(), None);
+        for (i, point) in lookups {
+            environment_samples[*i as usize] = lights.sample_environment(environment, point);
+        }
+    }
+
+    /// Scatters each path at its hit: prepares direct light, and the ray that carries the recursion. Paths that end are
+    /// removed; the others keep their order.
+    fn scatter(&self, depth: u32, batch: &mut Batch) {
+        batch.shadow_rays.clear();
+        batch.shadow_light.clear();
+        let mut alive = 0;
+        for i in 0..batch.paths.len() {
+            if let Some((path, ray)) = self.scatter_path(depth, i, batch) {
+                batch.paths[alive] = path;
+                batch.rays[alive] = ray;
+                alive += 1;
+            }
+        }
+        batch.paths.truncate(alive);
+        batch.rays.truncate(alive);
+    }
+
+    /// Adds the light of emitter samples that arrives.
+    fn add_unoccluded(&self, batch: &mut Batch) {
+        if self.has_cutouts() {
+            for (ray, (sample, light)) in batch.shadow_rays.iter().zip(&batch.shadow_light) {
+                batch.radiance[*sample as usize] += *light * self.transmittance(*ray);
+            }
+            return;
+        }
+        self.accel.occluded_many(&batch.shadow_rays, &mut batch.occluded);
+        for (occluded, (sample, light)) in batch.occluded.iter().zip(&batch.shadow_light) {
+            if !occluded {
+                batch.radiance[*sample as usize] += *light;
+            }
+        }
+    }
+
+    /// One vertex of a path: equation 5. Returns the path and the ray to its next vertex.
+    #[inline(always)]
+    fn scatter_path(&self, depth: u32, i: usize, batch: &mut Batch) -> Option<(Path, Ray)> {
+        let hit = batch.hits[i]?;
+        let mut path = batch.paths[i];
+        let si = self.interaction(&hit, -batch.rays[i].direction)?;
+        if Self::AREA_LIGHTS {
+            batch.radiance[path.sample as usize] += path.throughput * self.emitted(&hit, &si, &path.bounce);
+        }
+        let bsdf = self.bsdf(&hit, &si);
+        if bsdf.is_black() {
+            return None;
+        }
+        let wo = si.frame.to_local(si.wo);
+        let is_delta = bsdf.is_delta();
+        if let Some(light) = self.sample_light(batch, i, &path, &si)
+            && let Some((ray, light)) = self.direct(&light, &si, &bsdf, wo)
+        {
+            batch.shadow_rays.push(ray);
+            batch.shadow_light.push((path.sample, path.throughput * light));
+        }
+        let depth = depth + 1;
+        // Past the limit a bounce counts only by the emitter it hits, and not even so without MIS.
+        if depth == self.settings.depth_limit() && !self.settings.mis && !is_delta {
+            return None;
+        }
+
+        let sample = self.sample_bounce(&bsdf, wo, &path.sampler)?;
+        path.throughput *= sample.weight;
+        path.eta_squared *= sample.eta_squared;
+        let survival = self.survival(path.throughput, path.eta_squared, depth);
+        if survival < 1.0 {
+            if path.sampler.get_1d(Dimension::Roulette) >= survival {
+                return None;
+            }
+            path.throughput = path.throughput / survival;
+        }
+        path.bounce = Bounce {
+            p: si.p,
+            pdf_w: sample.pdf_w,
+        };
+        path.sampler.set_bounce(depth);
+        let ray = si.spawn_ray(si.frame.to_world(sample.wi), sample.wi.z < 0.0);
+        Some((path, ray))
+    }
+
+    /// The emitter sample of a path at its hit; `None` if it carries no light.
+    #[inline(always)]
+    fn sample_light(&self, batch: &Batch, i: usize, path: &Path, si: &SurfaceInteraction) -> Option<LightSample> {
+        match batch.emitters[i] {
+            Emitter::Area(light) if Self::AREA_LIGHTS => self.scene.lights.sample_area(light, si.p, &path.sampler),
+            Emitter::Environment if Self::ENVIRONMENT => batch.environment_samples[i],
+            _ => None,
+        }
+    }
+
+    /// Direct light by one emitter sample (equations 6 to 10), and the ray that tells whether it arrives.
+    #[inline(always)]
+    fn direct(&self, light: &LightSample, si: &SurfaceInteraction, bsdf: &Bsdf, wo: Vec3) -> Option<(Ray, Rgb)> {
         let wi = si.frame.to_local(light.wi);
         let eval = bsdf.eval(wo, wi);
         if eval.value.is_black() {
-            return Rgb::BLACK;
+            return None;
         }
         let weight = if self.settings.mis {
             power_heuristic(light.pdf_w, self.bounce_pdf_w(bsdf, wi, eval.pdf_w))
@@ -193,19 +406,10 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
         };
         let transmitted = wi.z < 0.0;
         let ray = match light.target {
-            Some(target) => si.spawn_ray_to(target, transmitted),
-            None => Some(si.spawn_ray(light.wi, transmitted)),
+            Some(target) => si.spawn_ray_to(target, transmitted)?,
+            None => si.spawn_ray(light.wi, transmitted),
         };
-        let Some(ray) = ray else { return Rgb::BLACK };
-        counts.shadow += 1;
-        eval.value * light.radiance * (weight * self.transmittance(ray) / light.pdf_w)
-    }
-
-    /// Environment light that a ray which hits nothing brings.
-    #[inline]
-    fn escaped(&self, ray: &Ray, bounce: &Bounce) -> Rgb {
-        let (radiance, light_pdf_w) = self.scene.lights.environment_eval(ray.direction);
-        radiance * self.hit_weight(bounce, light_pdf_w)
+        Some((ray, eval.value * light.radiance * (weight / light.pdf_w)))
     }
 
     /// Light that the emitter at a hit brings.
@@ -306,12 +510,15 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
         }
     }
 
+    /// Whether light may pass some surfaces by chance.
+    fn has_cutouts(&self) -> bool {
+        // The kernel for everything also asks the scene: the queries of a backend may disagree about a hit at the very
+        // end of a segment, and the image must not depend on the kernel.
+        SceneFeatures(F).contains(SceneFeatures::CUTOUTS) && self.scene.features.contains(SceneFeatures::CUTOUTS)
+    }
+
     /// The nearest hit that is there: a partly transparent surface lets a ray pass by chance.
-    #[inline]
-    fn intersect(&self, mut ray: Ray, sampler: &Sampler) -> Option<Hit> {
-        if !Self::CUTOUTS {
-            return self.accel.intersect(&ray);
-        }
+    fn nearest_opaque(&self, mut ray: Ray, sampler: &Sampler) -> Option<Hit> {
         let mut surfaces = 0;
         loop {
             let hit = self.accel.intersect(&ray)?;
@@ -325,13 +532,7 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
     }
 
     /// The fraction of light that passes along a segment.
-    #[inline]
     fn transmittance(&self, mut ray: Ray) -> f32 {
-        // The kernel for everything also asks the scene: the two queries of a backend may disagree about a hit at the
-        // very end of the segment, and the image must not depend on the kernel.
-        if !Self::CUTOUTS || !self.scene.features.contains(SceneFeatures::CUTOUTS) {
-            return if self.accel.occluded(&ray) { 0.0 } else { 1.0 };
-        }
         let mut transmittance = 1.0;
         while let Some(hit) = self.accel.intersect(&ray) {
             transmittance *= 1.0 - self.opacity(&hit);

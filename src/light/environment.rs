@@ -14,7 +14,7 @@
 //! The probabilities are those that the built table implies, kept beside the texel's colour: one lookup gives both.
 
 use crate::image::Image;
-use crate::math::{Rgb, Vec3};
+use crate::math::{Rgb, Vec3, atan2_turns, floor, sin_cos_turns};
 use crate::sampling::{AliasTable, warp};
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -59,6 +59,20 @@ pub struct EnvironmentMap {
     sin_rotation: f32,
     cos_rotation: f32,
     irradiance_scale: f64,
+}
+
+/// A direction and its place on the map: finding the place takes arithmetic and looking it up takes memory, and loops
+/// that do only one of the two are faster.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EnvironmentPoint {
+    /// Unit direction towards it.
+    pub wi: Vec3,
+    /// Image column over width, up to whole turns.
+    u: f32,
+    /// Image row over height, in [0, 1].
+    v: f32,
+    /// Sine of the angle to the pole.
+    sin_theta: f32,
 }
 
 impl Environment {
@@ -126,10 +140,7 @@ impl Environment {
     /// Radiance from the unit direction `wi`, and the density [1/sr] with which [`Environment::sample`] draws it.
     #[inline]
     pub fn eval(&self, wi: Vec3) -> (Rgb, f32) {
-        match self {
-            Environment::Constant(radiance) => (*radiance, warp::UNIFORM_SPHERE_PDF_W),
-            Environment::Map(map) => map.eval(wi),
-        }
+        self.lookup(&self.locate(wi))
     }
 
     /// Draws the texel for [`Environment::sample`] from 64 random bits; 0 where there is no table.
@@ -141,21 +152,35 @@ impl Environment {
         }
     }
 
-    /// Draws a direction from a place `u` in a texel drawn before. Returns direction, radiance and density [1/sr].
+    /// Draws a direction from a place `u` in a texel drawn before.
     #[inline]
-    pub fn sample(&self, texel: u32, u: [f32; 2]) -> (Vec3, Rgb, f32) {
+    pub fn sample(&self, texel: u32, u: [f32; 2]) -> EnvironmentPoint {
         match self {
-            Environment::Constant(radiance) => (warp::uniform_sphere(u), *radiance, warp::UNIFORM_SPHERE_PDF_W),
-            Environment::Map(map) if map.table.is_some() => {
-                let (wi, u, v, sin_theta) = map.direction(texel, u);
-                let (radiance, pdf_w) = map.lookup(u, v, sin_theta);
-                (wi, radiance, pdf_w)
-            }
-            Environment::Map(map) => {
-                let wi = warp::uniform_sphere(u);
-                let (radiance, pdf_w) = map.eval(wi);
-                (wi, radiance, pdf_w)
-            }
+            Environment::Map(map) if map.table.is_some() => map.sample(texel, u),
+            _ => self.locate(warp::uniform_sphere(u)),
+        }
+    }
+
+    /// The place of a unit direction.
+    #[inline]
+    pub fn locate(&self, wi: Vec3) -> EnvironmentPoint {
+        match self {
+            Environment::Constant(_) => EnvironmentPoint {
+                wi,
+                u: 0.0,
+                v: 0.0,
+                sin_theta: 0.0,
+            },
+            Environment::Map(map) => map.locate(wi),
+        }
+    }
+
+    /// Radiance from a place, and the density [1/sr] with which [`Environment::sample`] draws it.
+    #[inline]
+    pub fn lookup(&self, point: &EnvironmentPoint) -> (Rgb, f32) {
+        match self {
+            Environment::Constant(radiance) => (*radiance, warp::UNIFORM_SPHERE_PDF_W),
+            Environment::Map(map) => map.lookup(point),
         }
     }
 
@@ -171,60 +196,65 @@ impl Environment {
     }
 }
 
+/// Sine of the angle to the pole that no direction comes below: the pole itself has no column, and its density would be
+/// infinite. Far below what f32 directions tell apart.
+const MIN_SIN_THETA: f32 = 1e-8;
+
 impl EnvironmentMap {
     /// Columns and rows.
     pub fn resolution(&self) -> [u32; 2] {
         [self.width, self.height]
     }
 
-    /// A direction around the centre of a texel, tent-distributed over the image; with it the image coordinates u in
-    /// [-1/2, 3/2] and v in [0, 1], and sin θ.
+    /// A direction around the centre of a texel, tent-distributed over the image.
     #[inline]
-    fn direction(&self, texel: u32, u: [f32; 2]) -> (Vec3, f32, f32, f32) {
+    fn sample(&self, texel: u32, u: [f32; 2]) -> EnvironmentPoint {
         let (column, row) = (texel % self.width, texel / self.width);
         let u_image = (column as f32 + 0.5 + warp::tent(u[0])) / self.width as f32;
         // Past a pole the lookup repeats the last row; folding the density back there matches it exactly.
         let v_image = ((row as f32 + 0.5 + warp::tent(u[1])) / self.height as f32).abs();
         let v_image = 1.0 - (1.0 - v_image).abs();
-        let (sin_theta, cos_theta) = (PI as f32 * v_image).sin_cos();
-        // The f32 next to pi is beyond it: a negative sine would put the point on the other side of the pole.
-        let sin_theta = sin_theta.abs();
-        let (sin_phi, cos_phi) = (2.0 * PI as f32 * u_image).sin_cos();
+        let (sin_theta, cos_theta) = sin_cos_turns(0.5 * v_image);
+        let sin_theta = sin_theta.abs().max(MIN_SIN_THETA);
+        let (sin_phi, cos_phi) = sin_cos_turns(u_image);
         let (x, z) = (sin_phi * sin_theta, -cos_phi * sin_theta);
         let wi = Vec3::new(
             x * self.cos_rotation + z * self.sin_rotation,
             cos_theta,
             z * self.cos_rotation - x * self.sin_rotation,
         );
-        (wi, u_image, v_image, sin_theta)
+        EnvironmentPoint {
+            wi,
+            u: u_image,
+            v: v_image,
+            sin_theta,
+        }
     }
 
     #[inline]
-    fn eval(&self, wi: Vec3) -> (Rgb, f32) {
+    fn locate(&self, wi: Vec3) -> EnvironmentPoint {
         let x = wi.x * self.cos_rotation - wi.z * self.sin_rotation;
         let z = wi.x * self.sin_rotation + wi.z * self.cos_rotation;
-        let sin_theta = (x * x + z * z).sqrt();
-        let u = x.atan2(-z) * (0.5 * std::f32::consts::FRAC_1_PI);
-        let v = sin_theta.atan2(wi.y) * std::f32::consts::FRAC_1_PI;
-        self.lookup(u, v, sin_theta)
+        let sin_theta = (x * x + z * z).sqrt().max(MIN_SIN_THETA);
+        EnvironmentPoint {
+            wi,
+            u: atan2_turns(x, -z),
+            v: 2.0 * atan2_turns(sin_theta, wi.y),
+            sin_theta,
+        }
     }
 
-    /// Radiance and density at image coordinates; u may be off by one turn.
     #[inline]
-    fn lookup(&self, u: f32, v: f32, sin_theta: f32) -> (Rgb, f32) {
+    fn lookup(&self, &EnvironmentPoint { u, v, sin_theta, .. }: &EnvironmentPoint) -> (Rgb, f32) {
         let (width, height) = (self.width as i32, self.height as i32);
-        let column = (u - u.floor()) * width as f32 - 0.5;
+        let column = (u - floor(u) as f32) * width as f32 - 0.5;
         let row = v * height as f32 - 0.5;
-        let (left, top) = (column.floor(), row.floor());
-        let (fx, fy) = (column - left, row - top);
-        let x0 = if left < 0.0 {
-            width - 1
-        } else {
-            (left as i32).min(width - 1)
-        };
+        let (left, top) = (floor(column), floor(row));
+        let (fx, fy) = (column - left as f32, row - top as f32);
+        let x0 = if left < 0 { width - 1 } else { left.min(width - 1) };
         let x1 = if x0 + 1 == width { 0 } else { x0 + 1 };
-        let y0 = (top as i32).clamp(0, height - 1);
-        let y1 = (top as i32 + 1).clamp(0, height - 1);
+        let y0 = top.clamp(0, height - 1);
+        let y1 = (top + 1).clamp(0, height - 1);
         let texel = |x: i32, y: i32| self.texels[y as usize * self.width as usize + x as usize];
         let (a, b, c, d) = (texel(x0, y0), texel(x1, y0), texel(x0, y1), texel(x1, y1));
         let blend: [f32; 4] = std::array::from_fn(|i| {
@@ -234,7 +264,7 @@ impl EnvironmentMap {
             (upper + (lower - upper) * fy).max(0.0)
         });
         let pdf_w = if self.table.is_some() {
-            // Equation 9; the probabilities are stored times w h. Infinite exactly at the poles.
+            // Equation 9; the probabilities are stored times w h.
             blend[3] / (2.0 * (PI * PI) as f32 * sin_theta)
         } else {
             warp::UNIFORM_SPHERE_PDF_W

@@ -7,8 +7,8 @@ mod environment;
 mod sampler;
 
 pub use area::{AreaLight, Emission};
-pub use environment::{EnvSampling, Environment, EnvironmentError, EnvironmentMap};
-pub use sampler::{Choice, LightSampler, LightSamplerBuilder};
+pub use environment::{EnvSampling, Environment, EnvironmentError, EnvironmentMap, EnvironmentPoint};
+pub use sampler::{Emitter, LightSampler, LightSamplerBuilder};
 
 /// A direction towards an emitter, as seen from a point.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,6 +1,6 @@
 //! The choice between emitters: one alias table over all emitting triangles and the environment, by power.
 
-use super::{AreaLight, Emission, Environment, LightSample};
+use super::{AreaLight, Emission, Environment, EnvironmentPoint, LightSample};
 use crate::math::{Rgb, Vec3};
 use crate::sampling::{AliasTable, Dimension, Sampler};
 
@@ -16,15 +16,14 @@ pub struct LightSampler {
 
 /// An emitter that was drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Choice {
-    /// Index of the triangle, or their number for the environment, or [`NONE`].
-    emitter: u32,
-    /// Texel of an environment map.
-    texel: u32,
+pub enum Emitter {
+    /// There is none to sample.
+    None,
+    /// A triangle, by its index.
+    Area(u32),
+    /// The environment.
+    Environment,
 }
-
-/// There is no emitter to choose.
-const NONE: u32 = u32::MAX;
 
 /// Collects the emitters of a scene.
 #[derive(Clone, Debug, Default)]
@@ -93,57 +92,53 @@ impl LightSampler {
         self.environment.as_ref()
     }
 
-    /// Draws an emitter, and the texel if it is an environment map. Needs no point, so that the path loop can ask before
-    /// it has one: a map's table is far larger than the caches, and the wait overlaps with other work. `AREA` and
-    /// `ENVIRONMENT` say which kinds of emitter the scene has.
+    /// Draws an emitter. `AREA` and `ENVIRONMENT` say which kinds the scene may have.
     #[inline(always)]
-    pub fn choose<const AREA: bool, const ENVIRONMENT: bool>(&self, sampler: &Sampler) -> Choice {
-        let environment = self.areas.len() as u32;
-        let emitter = match &self.table {
-            None => {
-                return Choice {
-                    emitter: NONE,
-                    texel: 0,
-                };
-            }
-            Some(table) if AREA => table.sample(sampler.get_u64(Dimension::LightChoice)),
-            // An environment alone needs no choice.
-            Some(_) => environment,
+    pub fn choose<const AREA: bool, const ENVIRONMENT: bool>(&self, sampler: &Sampler) -> Emitter {
+        let Some(table) = &self.table else {
+            return Emitter::None;
         };
-        let texel = match &self.environment {
-            Some(map) if ENVIRONMENT && emitter == environment => map.choose_texel(sampler.get_u64(Dimension::Texel)),
-            _ => 0,
-        };
-        Choice { emitter, texel }
+        if ENVIRONMENT && (!AREA || self.areas.is_empty()) {
+            return Emitter::Environment;
+        }
+        let emitter = table.sample(sampler.get_u64(Dimension::LightChoice));
+        if ENVIRONMENT && emitter as usize == self.areas.len() {
+            Emitter::Environment
+        } else {
+            Emitter::Area(emitter)
+        }
     }
 
-    /// Draws a direction from `p` towards the emitter that was chosen. `None` if it carries no light.
+    /// Draws a direction from `p` towards a triangle. `None` if it carries no light.
     #[inline(always)]
-    pub fn sample<const AREA: bool, const ENVIRONMENT: bool>(
-        &self,
-        choice: Choice,
-        p: Vec3,
-        sampler: &Sampler,
-    ) -> Option<LightSample> {
-        if choice.emitter == NONE {
-            return None;
-        }
-        let u = sampler.get_2d(Dimension::LightPosition);
-        if AREA && (choice.emitter as usize) < self.areas.len() {
-            return self.areas[choice.emitter as usize].sample(p, u);
-        }
-        if !ENVIRONMENT {
-            return None;
-        }
-        let environment = self.environment.as_ref()?;
-        let (wi, radiance, pdf_w) = environment.sample(choice.texel, u);
-        let pdf_w = pdf_w * self.environment_pmf;
+    pub fn sample_area(&self, light: u32, p: Vec3, sampler: &Sampler) -> Option<LightSample> {
+        self.areas[light as usize].sample(p, sampler.get_2d(Dimension::LightPosition))
+    }
+
+    /// The sample of the environment at a place drawn by [`Environment::sample`]. `None` if it carries no light.
+    #[inline(always)]
+    pub fn sample_environment(&self, environment: &Environment, point: &EnvironmentPoint) -> Option<LightSample> {
+        let (radiance, pdf_w) = self.environment_lookup(environment, point);
         (pdf_w > 0.0 && pdf_w.is_finite() && !radiance.is_black()).then_some(LightSample {
-            wi,
+            wi: point.wi,
             radiance,
             pdf_w,
             target: None,
         })
+    }
+
+    /// Draws a direction from `p` towards any emitter: the steps above in one, for a single point. `None` if it carries
+    /// no light.
+    pub fn sample(&self, p: Vec3, sampler: &Sampler) -> Option<LightSample> {
+        match (self.choose::<true, true>(sampler), &self.environment) {
+            (Emitter::Area(light), _) => self.sample_area(light, p, sampler),
+            (Emitter::Environment, Some(environment)) => {
+                let texel = environment.choose_texel(sampler.get_u64(Dimension::Texel));
+                let point = environment.sample(texel, sampler.get_2d(Dimension::LightPosition));
+                self.sample_environment(environment, &point)
+            }
+            _ => None,
+        }
     }
 
     /// Density [1/sr] with which [`LightSampler::sample`] draws the direction to a point on an emitting triangle, at
@@ -153,16 +148,11 @@ impl LightSampler {
         self.areas[light as usize].pdf_w(distance_squared, cos)
     }
 
-    /// Radiance of the environment from `wi`, and the density [1/sr] with which [`LightSampler::sample`] draws it.
+    /// Radiance from a place on the environment, and the density [1/sr] with which [`LightSampler::sample`] draws it.
     #[inline]
-    pub fn environment_eval(&self, wi: Vec3) -> (Rgb, f32) {
-        match &self.environment {
-            Some(environment) => {
-                let (radiance, pdf_w) = environment.eval(wi);
-                (radiance, pdf_w * self.environment_pmf)
-            }
-            None => (Rgb::BLACK, 0.0),
-        }
+    pub fn environment_lookup(&self, environment: &Environment, point: &EnvironmentPoint) -> (Rgb, f32) {
+        let (radiance, pdf_w) = environment.lookup(point);
+        (radiance, pdf_w * self.environment_pmf)
     }
 
     /// Bytes of the triangles and of the choice table; the environment counts for itself.

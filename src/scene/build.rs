@@ -25,6 +25,8 @@ pub struct Surface {
     pub material: u32,
     /// Emission, and the index of the first triangle among the lights.
     pub emission: Option<(Emission, u32)>,
+    /// Whether it reflects and refracts without any spread, so that sampling emitters is pointless.
+    pub is_delta: bool,
 }
 
 /// Everything that rendering reads, except the acceleration structure.
@@ -135,6 +137,7 @@ impl Scene {
             surfaces.push(Surface {
                 material: object.material as u32,
                 emission,
+                is_delta: materials[object.material].is_delta(),
             });
         }
         if u32::try_from(lights.len()).is_err() {

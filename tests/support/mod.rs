@@ -29,6 +29,23 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+
+/// Calls `test` for every case on all cores. On threads of its own: what a thread of rayon's pool prints or panics with is
+/// lost when the pool was started by another test.
+pub(crate) fn for_each_in_parallel<T: Sync>(cases: &[T], test: impl Fn(&T) + Sync) {
+    let next = AtomicUsize::new(0);
+    thread::scope(|scope| {
+        for _ in 0..thread::available_parallelism().map_or(1, usize::from) {
+            scope.spawn(|| {
+                while let Some(case) = cases.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    test(case);
+                }
+            });
+        }
+    });
+}
 
 /// Instantiates generic tests, `fn name<A: Accel>()`, for each backend of the build and for the brute-force reference;
 /// after `but not brute:`, where that would take too long, for the backends alone.
