@@ -265,6 +265,14 @@ fn a_syntax_error_is_named_with_its_line() {
 }
 
 #[test]
+fn a_key_that_stands_twice_is_an_error() {
+    scene_is_refused(&[CAMERA, "vfov = 30\nvfov = 40\n"].concat(), &["duplicate key"]);
+    let folder = Folder::empty();
+    folder.write("scene.json", "{\n  \"materials\": {\"red\": {},\n  \"red\": {}}\n}");
+    folder.refused("render scene.json -o out.exr", 3, &["\"red\"", "twice", "line 3"]);
+}
+
+#[test]
 fn a_singular_transform_is_an_error() {
     let flat = "transform = [[1, 0, 0, 0], [0, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n";
     scene_is_refused(

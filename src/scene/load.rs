@@ -4,7 +4,7 @@ use super::desc::{EnvironmentDesc, ObjectDesc, SceneDesc};
 use super::file::{self, ColourEntry, EnvironmentEntry, MaterialEntry, MeshEntry, SceneFile};
 use super::obj::{self, MapRef, MtlMaterial, ObjError, ObjScene};
 use super::obj_material;
-use super::value::KeyError;
+use super::value::{Document, KeyError};
 use crate::camera::CameraDesc;
 use crate::image::ldr::LdrImage;
 use crate::image::{self, Decoded, Image, ImageError};
@@ -104,7 +104,8 @@ fn load_scene_file(path: &Path, is_toml: bool) -> Result<SceneDesc, LoadError> {
     let value: serde_json::Value = if is_toml {
         toml::from_str(text).map_err(|e| syntax(e.to_string().trim_end().to_owned()))?
     } else {
-        serde_json::from_str(text).map_err(|e| syntax(e.to_string()))?
+        let Document(value) = serde_json::from_str(text).map_err(|e| syntax(e.to_string()))?;
+        value
     };
     let file = file::parse(&value).map_err(|KeyError { key, problem }| LoadError::Key {
         path: path.to_owned(),
