@@ -6,6 +6,9 @@ use crate::math::Rgb;
 /// Edge length of a tile in pixels.
 pub const TILE_SIZE: u32 = 16;
 
+/// Edge length of a block in pixels: the camera rays of one sample index in a block are traced together.
+const BLOCK_SIZE: u32 = 4;
+
 /// A rectangle of pixels of the full image: columns x0..x1, rows y0..y1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rect {
@@ -35,17 +38,37 @@ impl Rect {
         u64::from(self.width()) * u64::from(self.height())
     }
 
-    /// Column and row of every pixel, one 4 x 4 block after the other: neighbours in the list are neighbours in the
-    /// image.
-    pub fn pixels_by_blocks(self) -> impl Iterator<Item = (u32, u32)> {
-        const BLOCK: u32 = 4;
-        let Rect { x0, y0, x1, y1 } = self;
-        let blocks = (y0..y1)
-            .step_by(BLOCK as usize)
-            .flat_map(move |y| (x0..x1).step_by(BLOCK as usize).map(move |x| (x, y)));
-        blocks.flat_map(move |(bx, by)| {
-            (by..y1.min(by + BLOCK)).flat_map(move |y| (bx..x1.min(bx + BLOCK)).map(move |x| (x, y)))
-        })
+    /// The parts of this rectangle in each block of 4 x 4 pixels of the image.
+    pub fn blocks(self) -> impl Iterator<Item = Rect> {
+        let start = |first: u32, end: u32| (first / BLOCK_SIZE * BLOCK_SIZE..end).step_by(BLOCK_SIZE as usize);
+        let rows = start(self.y0, self.y1);
+        rows.flat_map(move |y| start(self.x0, self.x1).map(move |x| Rect::block(x, y).intersection(self)))
+    }
+
+    /// Column and row of every pixel, row by row.
+    pub fn coordinates(self) -> impl Iterator<Item = (u32, u32)> {
+        (self.y0..self.y1).flat_map(move |y| (self.x0..self.x1).map(move |x| (x, y)))
+    }
+
+    /// The block of 4 x 4 pixels around a pixel, which may reach past the image.
+    pub fn block(x: u32, y: u32) -> Rect {
+        let (x0, y0) = (x / BLOCK_SIZE * BLOCK_SIZE, y / BLOCK_SIZE * BLOCK_SIZE);
+        Rect {
+            x0,
+            y0,
+            x1: x0 + BLOCK_SIZE,
+            y1: y0 + BLOCK_SIZE,
+        }
+    }
+
+    /// What two overlapping rectangles share.
+    pub fn intersection(self, other: Rect) -> Rect {
+        Rect {
+            x0: self.x0.max(other.x0),
+            y0: self.y0.max(other.y0),
+            x1: self.x1.min(other.x1),
+            y1: self.y1.min(other.y1),
+        }
     }
 }
 

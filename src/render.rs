@@ -81,10 +81,10 @@ pub fn render<A: Accel>(
             if stop() {
                 return report;
             }
-            let mut samples = tile
-                .rect
-                .pixels_by_blocks()
-                .flat_map(|(x, y)| (start..start + pass).map(move |sample| SampleId { sample, y, x }));
+            let mut samples = tile.rect.blocks().flat_map(|block| {
+                (start..start + pass)
+                    .flat_map(move |sample| block.coordinates().map(move |(x, y)| SampleId { sample, y, x }))
+            });
             while batch.fill(&mut samples) {
                 kernel(scene, accel, &job.settings, batch, &mut report.rays);
                 for (id, radiance) in batch.results() {

@@ -5,37 +5,17 @@
 //! to the plane of the triangle as the rounding of coordinates lets it be (8 ulps). What does not agree may only be a matter of an edge (one of the two went past a triangle
 //! that the other hit within 1e-3 of its border), and is counted: [`disagreements_allowed`].
 
+mod support;
+
 use embrace::accel::brute::Brute;
 use embrace::accel::{Accel, BuildOptions, Geometry, Hit, Placement, Ray};
 use embrace::math::{DVec3, Vec3};
 use embrace::mesh::TriangleMesh;
 use glam::{Affine3A, Quat};
 use std::sync::Arc;
+use support::{Random, for_each_backend};
 
-/// Instantiates generic tests, `fn name<A: Accel>()`, for each backend of the build, and for the reference where asked.
-macro_rules! on_every_backend {
-    ($($test:ident)*) => {
-        #[cfg(feature = "embree")]
-        mod embree {
-            $(#[test] fn $test() { super::$test::<embrace::accel::embree::Embree>(); })*
-        }
-        #[cfg(feature = "obvhs")]
-        mod obvhs {
-            $(#[test] fn $test() { super::$test::<embrace::accel::obvhs::Obvhs>(); })*
-        }
-    };
-    (and on brute: $($test:ident)*) => {
-        mod and_on_brute {
-            use super::*;
-            on_every_backend!($($test)*);
-            mod brute {
-                $(#[test] fn $test() { super::super::$test::<embrace::accel::brute::Brute>(); })*
-            }
-        }
-    };
-}
-
-on_every_backend! {
+for_each_backend! { but not brute:
     random_triangle_soups_agree_with_brute
     a_closed_sphere_agrees_with_brute
     boxes_and_flat_boxes_agree_with_brute_for_rays_along_the_axes
@@ -44,8 +24,9 @@ on_every_backend! {
     a_small_thing_under_a_huge_dome_agrees_with_brute
     triangles_without_area_are_never_hit_and_hide_nothing
     scenes_of_every_scale_agree_with_brute
+    the_company_of_a_ray_does_not_change_whether_it_is_occluded
 }
-on_every_backend! { and on brute:
+for_each_backend! {
     occlusion_agrees_with_the_nearest_hit_on_the_same_segment
     a_hit_exactly_at_an_end_of_the_segment_does_not_count
     rays_at_vertices_and_edges_do_not_leave_a_closed_sphere
@@ -60,27 +41,7 @@ fn disagreements_allowed<A: Accel>() -> f64 {
     if A::NAME == "obvhs" { 0.0 } else { 1e-5 }
 }
 
-/// SplitMix64.
-struct Random(u64);
-
 impl Random {
-    fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    fn below(&mut self, n: usize) -> usize {
-        (self.bits() % n as u64) as usize
-    }
-
-    /// In [0, 1).
-    fn unit(&mut self) -> f32 {
-        (self.bits() >> 40) as f32 / (1 << 24) as f32
-    }
-
     /// In the cube [-1, 1)³.
     fn point(&mut self) -> Vec3 {
         Vec3::from([(); 3].map(|()| 2.0 * self.unit() - 1.0))
@@ -194,7 +155,9 @@ fn disagreements<A: Accel>(geometry: &Geometry, rays: &[Ray]) -> usize {
     let (backend, reference) = (build::<A>(geometry), build::<Brute>(geometry));
     let (mut hits, mut count) = (0, 0);
     let mut together = Vec::new();
-    backend.intersect_coherent(rays, &mut together);
+    for rays in rays.chunks(16) {
+        backend.intersect_coherent(rays, &mut together);
+    }
     assert_eq!(together.len(), rays.len());
     for (ray, found_together) in rays.iter().zip(together) {
         let expected = reference.intersect(ray);
@@ -413,6 +376,41 @@ fn scenes_of_every_scale_agree_with_brute<A: Accel>() {
     }
 }
 
+/// A sample must not depend on which others are computed beside it. Rays aimed at edges and corners, where a backend has
+/// the most to decide.
+fn the_company_of_a_ray_does_not_change_whether_it_is_occluded<A: Accel>() {
+    let soup = soup(2000, 0.1, 1.0, 30);
+    let mut random = Random(31);
+    let rays: Vec<Ray> = (0..1_000_000)
+        .map(|i| {
+            let corners = soup.triangle(random.below(soup.indices.len()));
+            let along = if i % 4 == 0 { 0.0 } else { random.unit() };
+            let target = corners[0] + (corners[1] - corners[0]) * along;
+            // Neighbours in the list start together, as shadow rays from one pixel do.
+            let origin = Vec3::new(0.1 * (i / 64 % 50) as f32 - 2.5, 2.0, 1.0 + 1e-3 * (i % 64) as f32);
+            towards(origin, target)
+        })
+        .collect();
+    let backend = build::<A>(&in_place([soup]));
+    let trace = |rays: &[Ray]| {
+        let mut occluded = Vec::new();
+        backend.occluded_many(rays, &mut occluded);
+        occluded
+    };
+    let together = trace(&rays);
+    let (mut start, mut differences) = (0, 0);
+    while start < rays.len() {
+        let end = rays.len().min(start + 1 + random.below(40));
+        let apart = trace(&rays[start..end]);
+        differences += apart.iter().zip(&together[start..end]).filter(|(a, b)| a != b).count();
+        start = end;
+    }
+    let alone = rays.iter().map(|ray| backend.occluded(ray));
+    let from_single = alone.zip(&together).filter(|(a, b)| a != *b).count();
+    println!("{}: {differences} in other company, {from_single} alone", A::NAME);
+    assert_eq!(differences, 0);
+}
+
 fn occlusion_agrees_with_the_nearest_hit_on_the_same_segment<A: Accel>() {
     let geometry = in_place([soup(60, 0.3, 1.0, 20)]);
     let backend = build::<A>(&geometry);
@@ -592,12 +590,14 @@ fn rays_that_are_not_numbers_hit_nothing<A: Accel>() {
         assert!(!backend.occluded(ray), "{ray:?}");
         // Bad rays leave their neighbours alone.
         let together = [good, *ray, good];
+        hits.clear();
         backend.intersect_coherent(&together, &mut hits);
         assert_eq!(
             hits.iter().map(Option::is_some).collect::<Vec<_>>(),
             [true, false, true],
             "{ray:?}"
         );
+        occluded.clear();
         backend.occluded_many(&together, &mut occluded);
         assert_eq!(occluded, [true, false, true], "{ray:?}");
     }

@@ -1,5 +1,7 @@
 //! Files that are cut, changed or absurd: loading returns, names the file, and never panics or asks for all memory.
 
+mod support;
+
 use embrace::image::exr::ExrMetadata;
 use embrace::image::{Image, exr};
 use embrace::math::Rgb;
@@ -7,6 +9,7 @@ use embrace::scene::{LoadOptions, Scene, SceneOptions, load};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+use support::Random;
 use tempfile::TempDir;
 
 /// No single file here may take longer to be read or refused.
@@ -135,19 +138,6 @@ fn sky_hdr() -> Vec<u8> {
         .encode(&pixels, 24, 40)
         .unwrap();
     bytes
-}
-
-/// Numbers that look random, the same in every run (Steele, Lea and Flood 2014, SplitMix).
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, limit: usize) -> usize {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) % limit as u64) as usize
-    }
 }
 
 /// The file cut at about `cuts` places, and with some of its bits flipped `flips` times.

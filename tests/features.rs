@@ -1,5 +1,7 @@
 //! What a scene does not need costs nothing, and what it needs is computed alike by the small kernel and the large one.
 
+mod support;
+
 use embrace::accel::{Accel, BuildOptions};
 use embrace::film::Rect;
 use embrace::image::Image;
@@ -10,23 +12,10 @@ use embrace::render::{Job, render};
 use embrace::scene::{Instancing, LoadOptions, Scene, SceneFeatures, SceneOptions, load};
 use std::fs;
 use std::path::{Path, PathBuf};
+use support::for_each_backend;
 use tempfile::TempDir;
 
-/// Instantiates generic tests, `fn name<A: Accel>()`, for each backend of the build.
-macro_rules! on_every_backend {
-    ($($test:ident)*) => {
-        #[cfg(feature = "embree")]
-        mod embree {
-            $(#[test] fn $test() { super::$test::<embrace::accel::embree::Embree>(); })*
-        }
-        #[cfg(feature = "obvhs")]
-        mod obvhs {
-            $(#[test] fn $test() { super::$test::<embrace::accel::obvhs::Obvhs>(); })*
-        }
-    };
-}
-
-on_every_backend! {
+for_each_backend! { but not brute:
     the_kernel_for_a_scene_gives_the_image_of_the_general_one
     the_kernel_for_a_set_of_features_gives_the_image_of_the_general_one
     every_estimator_is_the_same_in_both_kernels

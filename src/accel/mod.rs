@@ -151,16 +151,15 @@ pub trait Accel: Sized + Send + Sync {
     /// Whether anything is hit in the open interval of the ray.
     fn occluded(&self, ray: &Ray) -> bool;
 
-    /// [`Accel::intersect`] for each of many rays, in order, for rays that go much the same way, as a camera's do: a
-    /// backend may trace neighbours in the list together.
+    /// Appends [`Accel::intersect`] of each ray, for up to 16 rays that go much the same way, as a camera's do. A backend
+    /// may trace them together, and then pick another one of two triangles at the same distance than for a ray alone.
     fn intersect_coherent(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>) {
-        hits.clear();
         hits.extend(rays.iter().map(|ray| self.intersect(ray)));
     }
 
-    /// [`Accel::occluded`] for each of many rays, in order: a backend may trace neighbours in the list together.
+    /// Appends [`Accel::occluded`] of each ray. A backend may trace neighbours in the list together, which must not change
+    /// the answer.
     fn occluded_many(&self, rays: &[Ray], occluded: &mut Vec<bool>) {
-        occluded.clear();
         occluded.extend(rays.iter().map(|ray| self.occluded(ray)));
     }
 

@@ -7,13 +7,12 @@
 //! All paths of a batch make the same step before any makes the next one, for three reasons: a backend traces camera and
 //! shadow rays faster together than alone; a loop that only fetches from an environment map, far larger than the
 //! caches, waits for many texels at once; and a loop that does one thing keeps the processor's pipelines full. What a
-//! path computes does not depend on the others in its batch, but for ties: of two triangles at the same distance, a
-//! backend may find another one in other company. Which samples share a batch depends on the image and the sample range
-//! alone.
+//! path computes does not depend on the others in its batch.
 
 use super::{BounceSampling, Roulette, Settings};
 use crate::accel::{Accel, Hit, Ray};
 use crate::bsdf::{Bsdf, BsdfSample};
+use crate::film::Rect;
 use crate::interaction::{SurfaceInteraction, texture_coordinates};
 use crate::light::{Emitter, EnvironmentPoint, LightSample};
 use crate::math::{Rgb, Vec3};
@@ -96,6 +95,9 @@ pub struct Batch {
     paths: Vec<Path>,
     rays: Vec<Ray>,
     hits: Vec<Option<Hit>>,
+    /// The rays of one block of pixels, where only a part of it is wanted, and what they meet.
+    block_rays: Vec<Ray>,
+    block_hits: Vec<Option<Hit>>,
     /// By path: the emitter to sample at its hit; if that is the environment, the sample.
     emitters: Vec<Emitter>,
     environment_samples: Vec<Option<LightSample>>,
@@ -180,15 +182,8 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
         batch.radiance.resize(batch.samples.len(), Rgb::BLACK);
         batch.paths.clear();
         batch.rays.clear();
-        for (i, &SampleId { sample, y, x }) in batch.samples.iter().enumerate() {
-            let sampler = Sampler::new(self.settings.sampler, self.settings.seed, x, y, sample);
-            let jitter = sampler.get_2d(Dimension::Pixel);
-            let lens = if self.scene.camera.has_lens() {
-                sampler.get_2d(Dimension::Lens)
-            } else {
-                [0.5; 2]
-            };
-            let ray = self.scene.camera.ray(x, y, jitter, lens);
+        for (i, id) in batch.samples.iter().enumerate() {
+            let (sampler, ray) = self.camera_ray(*id);
             batch.paths.push(Path {
                 sample: i as u32,
                 sampler,
@@ -203,21 +198,59 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
         }
     }
 
+    fn camera_ray(&self, SampleId { sample, y, x }: SampleId) -> (Sampler, Ray) {
+        let camera = &self.scene.camera;
+        let sampler = Sampler::new(self.settings.sampler, self.settings.seed, x, y, sample);
+        let jitter = sampler.get_2d(Dimension::Pixel);
+        let lens = if camera.has_lens() {
+            sampler.get_2d(Dimension::Lens)
+        } else {
+            [0.5; 2]
+        };
+        (sampler, camera.ray(x, y, jitter, lens))
+    }
+
     /// Finds what each path meets.
     fn intersect(&self, depth: u32, batch: &mut Batch) {
         let Batch { paths, rays, hits, .. } = batch;
+        hits.clear();
         if self.has_cutouts() {
-            hits.clear();
             hits.extend(
                 rays.iter()
                     .zip(&*paths)
                     .map(|(ray, path)| self.nearest_opaque(*ray, &path.sampler)),
             );
         } else if depth == 0 {
-            self.accel.intersect_coherent(rays, hits);
+            self.intersect_camera(batch);
         } else {
-            hits.clear();
             hits.extend(rays.iter().map(|ray| self.accel.intersect(ray)));
+        }
+    }
+
+    /// Finds what camera rays meet, those of a block of pixels together. Of triangles at the same distance, a backend may
+    /// find another one in other company, so the company is always the same: where only a part of a block is wanted, the
+    /// rest is traced as well.
+    fn intersect_camera(&self, batch: &mut Batch) {
+        let [x1, y1] = self.scene.camera.resolution();
+        let image = Rect { x0: 0, y0: 0, x1, y1 };
+        let block = |id: &SampleId| Rect::block(id.x, id.y);
+        let together = |a: &SampleId, b: &SampleId| a.sample == b.sample && block(a) == block(b);
+        let mut first = 0;
+        for ids in batch.samples.chunk_by(together) {
+            let rays = &batch.rays[first..first + ids.len()];
+            first += ids.len();
+            let block = block(&ids[0]).intersection(image);
+            if ids.len() as u64 == block.pixels() {
+                self.accel.intersect_coherent(rays, &mut batch.hits);
+                continue;
+            }
+            let whole = || block.coordinates().map(|(x, y)| SampleId { x, y, ..ids[0] });
+            batch.block_rays.clear();
+            batch.block_rays.extend(whole().map(|id| self.camera_ray(id).1));
+            batch.block_hits.clear();
+            self.accel.intersect_coherent(&batch.block_rays, &mut batch.block_hits);
+            let wanted = whole().zip(&batch.block_hits).filter(|(id, _)| ids.contains(id));
+            batch.hits.extend(wanted.map(|(_, hit)| hit));
         }
     }
 
@@ -327,6 +360,7 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
             }
             return;
         }
+        batch.occluded.clear();
         self.accel.occluded_many(&batch.shadow_rays, &mut batch.occluded);
         for (occluded, (sample, light)) in batch.occluded.iter().zip(&batch.shadow_light) {
             if !occluded {

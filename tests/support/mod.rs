@@ -90,6 +90,11 @@ impl Random {
         (self.bits() >> 40) as f32 / 16_777_216.0
     }
 
+    /// From 0 to `n` - 1.
+    pub(crate) fn below(&mut self, n: usize) -> usize {
+        (self.bits() % n as u64) as usize
+    }
+
     pub(crate) fn pair(&mut self) -> [f32; 2] {
         [self.unit(), self.unit()]
     }

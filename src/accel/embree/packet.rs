@@ -27,7 +27,6 @@ fn fill(packet: &mut ffi::RTCRay16, rays: &[Ray], ends: impl Fn(&Ray) -> (f32, f
 
 /// The nearest hits of rays that go much the same way.
 pub(super) fn intersect(embree: &Embree, rays: &[Ray], hits: &mut Vec<Option<Hit>>) {
-    hits.clear();
     for rays in rays.chunks(WIDTH) {
         let mut packet = ffi::RTCRayHit16::default();
         packet.hit.geomID = [INVALID_ID; WIDTH];
@@ -57,7 +56,6 @@ pub(super) fn intersect(embree: &Embree, rays: &[Ray], hits: &mut Vec<Option<Hit
 
 /// Whether the rays hit anything.
 pub(super) fn occluded(embree: &Embree, rays: &[Ray], occluded: &mut Vec<bool>) {
-    occluded.clear();
     for rays in rays.chunks(WIDTH) {
         let mut packet = ffi::RTCRay16::default();
         let valid = fill(&mut packet, rays, open_ends);
