@@ -4,9 +4,10 @@ use crate::accel::Accel;
 use crate::film::{Film, Rect, Tile};
 use crate::integrator::{Batch, Kernel, RayCounts, SampleId, Settings};
 use crate::scene::Scene;
-use rayon::prelude::*;
 use serde::Serialize;
+use std::iter;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// Most samples of a pixel between two looks at the rest of the image: bounds what an interruption waits for, and how
 /// uneven the image is that it leaves.
@@ -101,12 +102,16 @@ pub fn render<A: Accel>(
             progress(done.fetch_add(report.paths, Ordering::Relaxed) + report.paths);
             report
         };
-        let pass_report = film
-            .tiles_mut()
-            .par_iter_mut()
-            .map_init(Batch::default, render_tile)
-            .reduce(RenderReport::default, RenderReport::plus);
-        report = report.plus(pass_report);
+        // Tile by tile, as threads become free: halves of the image would differ too much in cost.
+        let tiles = Mutex::new(film.tiles_mut().iter_mut());
+        let next = || tiles.lock().unwrap_or_else(PoisonError::into_inner).next();
+        let reports = rayon::broadcast(|_| {
+            let mut batch = Batch::default();
+            iter::from_fn(next)
+                .map(|tile| render_tile(&mut batch, tile))
+                .fold(RenderReport::default(), RenderReport::plus)
+        });
+        report = reports.into_iter().fold(report, RenderReport::plus);
         start += pass;
     }
     (film, report)
