@@ -198,6 +198,7 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
         }
     }
 
+    #[inline(always)]
     fn camera_ray(&self, SampleId { sample, y, x }: SampleId) -> (Sampler, Ray) {
         let camera = &self.scene.camera;
         let sampler = Sampler::new(self.settings.sampler, self.settings.seed, x, y, sample);

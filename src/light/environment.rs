@@ -67,10 +67,10 @@ pub struct EnvironmentMap {
 pub struct EnvironmentPoint {
     /// Unit direction towards it.
     pub wi: Vec3,
-    /// Image column over width, up to whole turns.
-    u: f32,
-    /// Image row over height, in [0, 1].
-    v: f32,
+    /// The texels around it: upper left, upper right, lower left, lower right.
+    texels: [u32; 4],
+    /// How far it is from the left to the right and from the upper to the lower ones, in [0, 1].
+    fraction: [f32; 2],
     /// Sine of the angle to the pole.
     sin_theta: f32,
 }
@@ -167,8 +167,8 @@ impl Environment {
         match self {
             Environment::Constant(_) => EnvironmentPoint {
                 wi,
-                u: 0.0,
-                v: 0.0,
+                texels: [0; 4],
+                fraction: [0.0; 2],
                 sin_theta: 0.0,
             },
             Environment::Map(map) => map.locate(wi),
@@ -223,12 +223,7 @@ impl EnvironmentMap {
             cos_theta,
             z * self.cos_rotation - x * self.sin_rotation,
         );
-        EnvironmentPoint {
-            wi,
-            u: u_image,
-            v: v_image,
-            sin_theta,
-        }
+        self.point(wi, u_image, v_image, sin_theta)
     }
 
     #[inline]
@@ -236,27 +231,37 @@ impl EnvironmentMap {
         let x = wi.x * self.cos_rotation - wi.z * self.sin_rotation;
         let z = wi.x * self.sin_rotation + wi.z * self.cos_rotation;
         let sin_theta = (x * x + z * z).sqrt().max(MIN_SIN_THETA);
-        EnvironmentPoint {
-            wi,
-            u: atan2_turns(x, -z),
-            v: 2.0 * atan2_turns(sin_theta, wi.y),
-            sin_theta,
-        }
+        self.point(wi, atan2_turns(x, -z), 2.0 * atan2_turns(sin_theta, wi.y), sin_theta)
     }
 
-    #[inline]
-    fn lookup(&self, &EnvironmentPoint { u, v, sin_theta, .. }: &EnvironmentPoint) -> (Rgb, f32) {
+    /// The place at image coordinates: `u` up to whole turns, `v` in [0, 1].
+    #[inline(always)]
+    fn point(&self, wi: Vec3, u: f32, v: f32, sin_theta: f32) -> EnvironmentPoint {
         let (width, height) = (self.width as i32, self.height as i32);
         let column = (u - floor(u) as f32) * width as f32 - 0.5;
         let row = v * height as f32 - 0.5;
         let (left, top) = (floor(column), floor(row));
-        let (fx, fy) = (column - left as f32, row - top as f32);
         let x0 = if left < 0 { width - 1 } else { left.min(width - 1) };
         let x1 = if x0 + 1 == width { 0 } else { x0 + 1 };
-        let y0 = top.clamp(0, height - 1);
-        let y1 = (top + 1).clamp(0, height - 1);
-        let texel = |x: i32, y: i32| self.texels[y as usize * self.width as usize + x as usize];
-        let (a, b, c, d) = (texel(x0, y0), texel(x1, y0), texel(x0, y1), texel(x1, y1));
+        let upper = top.clamp(0, height - 1) as u32 * self.width;
+        let lower = (top + 1).clamp(0, height - 1) as u32 * self.width;
+        EnvironmentPoint {
+            wi,
+            texels: [
+                upper + x0 as u32,
+                upper + x1 as u32,
+                lower + x0 as u32,
+                lower + x1 as u32,
+            ],
+            fraction: [column - left as f32, row - top as f32],
+            sin_theta,
+        }
+    }
+
+    #[inline(always)]
+    fn lookup(&self, point: &EnvironmentPoint) -> (Rgb, f32) {
+        let [a, b, c, d] = point.texels.map(|k| self.texels[k as usize]);
+        let [fx, fy] = point.fraction;
         let blend: [f32; 4] = std::array::from_fn(|i| {
             let upper = a[i] + (b[i] - a[i]) * fx;
             let lower = c[i] + (d[i] - c[i]) * fx;
@@ -265,7 +270,7 @@ impl EnvironmentMap {
         });
         let pdf_w = if self.table.is_some() {
             // Equation 9; the probabilities are stored times w h.
-            blend[3] / (2.0 * (PI * PI) as f32 * sin_theta)
+            blend[3] / (2.0 * (PI * PI) as f32 * point.sin_theta)
         } else {
             warp::UNIFORM_SPHERE_PDF_W
         };
