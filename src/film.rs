@@ -164,6 +164,25 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_blocks_of_a_rectangle_are_those_of_the_image_and_cover_it_once() {
+        let rect = Rect {
+            x0: 5,
+            y0: 2,
+            x1: 21,
+            y1: 9,
+        };
+        let mut seen = Vec::new();
+        for block in rect.blocks() {
+            for (x, y) in block.coordinates() {
+                assert_eq!(Rect::block(x, y).intersection(rect), block, "({x}, {y})");
+                seen.push((y, x));
+            }
+        }
+        seen.sort_unstable();
+        assert_eq!(seen, rect.coordinates().map(|(x, y)| (y, x)).collect::<Vec<_>>());
+    }
+
+    #[test]
     fn a_cropped_film_develops_every_pixel_at_its_place() {
         let crop = Rect {
             x0: 5,
