@@ -112,7 +112,7 @@ pub struct Batch {
 }
 
 impl Batch {
-    /// Takes the next samples to compute, up to [`BATCH`]; false if there are none.
+    /// Takes the next samples to compute, up to 256; false if there are none.
     pub fn fill(&mut self, samples: &mut impl Iterator<Item = SampleId>) -> bool {
         self.samples.clear();
         self.samples.extend(samples.take(BATCH));
