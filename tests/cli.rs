@@ -465,6 +465,20 @@ fn wrong_usage_is_told_with_what_is_right() {
     }
 }
 
+#[test]
+fn the_fast_intersector_is_used_where_there_is_one_and_refused_where_not() {
+    let folder = Folder::with_scene();
+    let render = "render scene.toml -o out.exr --spp 1 --intersector fast";
+    if cfg!(feature = "embree") {
+        folder.done(&format!("{render} --stats stats.json"));
+        assert_eq!(folder.json("stats.json")["intersector"], "fast");
+    }
+    if cfg!(feature = "obvhs") {
+        let folder = Folder::with_scene();
+        folder.refused(&format!("{render} --backend obvhs"), 2, &["obvhs", "--intersector"]);
+    }
+}
+
 #[cfg(not(all(feature = "embree", feature = "obvhs")))]
 #[test]
 fn a_backend_that_is_not_in_the_build_is_told_with_the_one_that_is() {

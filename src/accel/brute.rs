@@ -1,7 +1,7 @@
 //! The reference: every ray against every triangle.
 
 use super::triangle::{self, TriangleRay};
-use super::{Accel, AccelError, BuildOptions, Geometry, Hit, Ray};
+use super::{Accel, AccelError, BuildOptions, Geometry, Hit, Intersector, Ray};
 use crate::math::Vec3;
 
 /// All triangles in world coordinates, without any hierarchy. For tests and for scenes of a few triangles.
@@ -17,6 +17,7 @@ struct BruteTriangle {
 
 impl Accel for Brute {
     const NAME: &'static str = "brute";
+    const INTERSECTORS: &'static [Intersector] = &[Intersector::Robust];
 
     fn build(geometry: &Geometry, _options: BuildOptions) -> Result<Brute, AccelError> {
         let mut triangles = Vec::new();

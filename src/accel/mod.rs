@@ -108,17 +108,21 @@ impl Geometry {
     }
 }
 
-/// How to build.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BuildOptions {
-    /// Watertight traversal where the backend has a faster, leakier one.
-    pub robust: bool,
+/// How closely a backend looks at the edges of triangles and boxes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Intersector {
+    /// Rays do not slip through between neighbours.
+    #[default]
+    Robust,
+    /// The fastest test of the library, which lets some rays through at edges and corners.
+    Fast,
 }
 
-impl Default for BuildOptions {
-    fn default() -> Self {
-        BuildOptions { robust: true }
-    }
+/// How to build.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BuildOptions {
+    /// Must be one of [`Accel::INTERSECTORS`].
+    pub intersector: Intersector,
 }
 
 /// Why a backend could not be built.
@@ -138,6 +142,9 @@ pub enum AccelError {
 pub trait Accel: Sized + Send + Sync {
     /// The name on the command line.
     const NAME: &'static str;
+
+    /// What there is to choose from.
+    const INTERSECTORS: &'static [Intersector];
 
     /// Builds the structure on the threads of the current rayon pool.
     ///

@@ -9,7 +9,7 @@
 //! which drops boxes that the ray leaves before an absolute distance of 1e-4 and lets rounding drop others.
 
 use super::triangle::{self, TriangleHit, TriangleRay};
-use super::{Accel, AccelError, BuildOptions, Geometry, Hit, Ray};
+use super::{Accel, AccelError, BuildOptions, Geometry, Hit, Intersector, Ray};
 use crate::math::Vec3;
 use glam::{DAffine3, UVec2, Vec3A, Vec4};
 use obvhs::BvhBuildParams;
@@ -230,6 +230,7 @@ pub struct Obvhs {
 
 impl Accel for Obvhs {
     const NAME: &'static str = "obvhs";
+    const INTERSECTORS: &'static [Intersector] = &[Intersector::Robust];
 
     fn build(geometry: &Geometry, _options: BuildOptions) -> Result<Obvhs, AccelError> {
         let mut world = Vec::new();

@@ -1,5 +1,6 @@
 //! The command line: arguments to settings, errors to exit codes.
 
+use crate::accel::Intersector;
 use crate::integrator::{BounceSampling, KernelChoice, Lighting, Roulette, Settings};
 use crate::light::EnvSampling;
 use crate::sampling::SamplerKind;
@@ -143,6 +144,15 @@ struct EstimatorArgs {
     /// Whether repeated meshes share their triangles
     #[arg(long, value_enum, default_value = "auto")]
     instancing: InstancingArg,
+    /// Robust at the edges of triangles, or fast with some leaks there (embree only)
+    #[arg(long, value_enum, default_value = "robust")]
+    intersector: IntersectorArg,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum IntersectorArg {
+    Robust,
+    Fast,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -244,6 +254,13 @@ impl EstimatorArgs {
         match self.kernel {
             KernelArg::Auto => KernelChoice::Auto,
             KernelArg::General => KernelChoice::General,
+        }
+    }
+
+    fn intersector(&self) -> Intersector {
+        match self.intersector {
+            IntersectorArg::Robust => Intersector::Robust,
+            IntersectorArg::Fast => Intersector::Fast,
         }
     }
 

@@ -4,7 +4,7 @@ use super::interrupt::Interrupt;
 use super::output::{self, Target};
 use super::progress::Progress;
 use super::{Failure, RenderArgs, tell, with_backend};
-use crate::accel::{Accel, BuildOptions};
+use crate::accel::{Accel, BuildOptions, Intersector};
 use crate::film::Rect;
 use crate::image::exr::ExrMetadata;
 use crate::integrator::{Roulette, Settings, kernel_for};
@@ -23,6 +23,7 @@ struct Stats<'a> {
     backend: &'a str,
     backend_version: String,
     kernel: String,
+    intersector: &'static str,
     threads: usize,
     width: u32,
     height: u32,
@@ -73,6 +74,13 @@ pub(super) fn run(args: &RenderArgs) -> Result<u8, Failure> {
 }
 
 fn run_on<A: Accel>(args: &RenderArgs, targets: &[Target], interrupt: &Interrupt) -> Result<u8, Failure> {
+    let intersector = args.estimator.intersector();
+    if !A::INTERSECTORS.contains(&intersector) {
+        return Err(Failure::usage(format!(
+            "the backend {} has no fast intersector: leave out --intersector, or take --backend embree",
+            A::NAME
+        )));
+    }
     let start = Instant::now();
     let mut desc = scene::load(&args.scene, LoadOptions { strict: args.strict }).map_err(Failure::input)?;
     let load_seconds = start.elapsed().as_secs_f64();
@@ -96,7 +104,7 @@ fn run_on<A: Accel>(args: &RenderArgs, targets: &[Target], interrupt: &Interrupt
         instancing: args.estimator.instancing(),
     };
     let scene = Scene::build(desc, options).map_err(|e| Failure::input(format!("{}: {e}", args.scene.display())))?;
-    let accel = A::build(&scene.geometry, BuildOptions::default()).map_err(Failure::internal)?;
+    let accel = A::build(&scene.geometry, BuildOptions { intersector }).map_err(Failure::internal)?;
     let build_seconds = start.elapsed().as_secs_f64();
 
     let (features, kernel) = kernel_for::<A>(&scene, args.estimator.kernel());
@@ -152,6 +160,10 @@ fn run_on<A: Accel>(args: &RenderArgs, targets: &[Target], interrupt: &Interrupt
             backend: A::NAME,
             backend_version: A::version(),
             kernel: features.to_string(),
+            intersector: match intersector {
+                Intersector::Robust => "robust",
+                Intersector::Fast => "fast",
+            },
             threads: rayon::current_num_threads(),
             width: image.width,
             height: image.height,

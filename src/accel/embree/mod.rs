@@ -6,7 +6,7 @@
 //! Embree promises nothing at the ends of a segment (its triangle test counts a hit at `tfar`, and rounding may put one
 //! at `tnear`), so the open interval is enforced here.
 
-use super::{Accel, AccelError, BuildOptions, Geometry, Hit, Ray};
+use super::{Accel, AccelError, BuildOptions, Geometry, Hit, Intersector, Ray};
 use crate::mesh::TriangleMesh;
 use glam::{Affine3A, Vec4};
 use std::ffi::{CStr, CString, c_char, c_void};
@@ -296,7 +296,7 @@ impl Scene {
             handle,
             device: Arc::clone(device),
         };
-        if options.robust {
+        if options.intersector == Intersector::Robust {
             // SAFETY: the scene is valid.
             unsafe { ffi::rtcSetSceneFlags(handle, ffi::RTCSceneFlags::RTC_SCENE_FLAG_ROBUST) };
             device.check()?;
@@ -380,6 +380,7 @@ const _: () = assert!(size_of::<ffi::RTCRay>() == size_of::<[Vec4; 3]>());
 
 impl Accel for Embree {
     const NAME: &'static str = "embree";
+    const INTERSECTORS: &'static [Intersector] = &[Intersector::Robust, Intersector::Fast];
 
     fn build(geometry: &Geometry, options: BuildOptions) -> Result<Embree, AccelError> {
         let device = Device::new()?;
