@@ -44,19 +44,42 @@ pub struct SurfaceInteraction {
     pub lift: Vec3,
 }
 
-/// The unit normal of a triangle by its winding, and twice its area; `None` if it has none.
+/// Square of the sine between two edges below which a triangle is a needle: rounding in f32 would tilt its normal by
+/// more than 1e-5.
+const NEEDLE: f32 = 1e-4;
+
+/// The unit normal of a triangle by its winding; `None` if it has none.
 #[inline]
-pub fn face_normal([a, b, c]: [Vec3; 3]) -> Option<(Vec3, f32)> {
-    let cross = (b - a).cross(c - a);
+pub fn face_normal([a, b, c]: [Vec3; 3]) -> Option<Vec3> {
+    let edges = [b - a, c - a];
+    let cross = edges[0].cross(edges[1]);
     let length_squared = cross.length_squared();
-    if length_squared > 1e-30 && length_squared < 1e30 {
-        let length = length_squared.sqrt();
-        return Some((cross * (1.0 / length), length));
+    let is_plain = length_squared > NEEDLE * edges[0].length_squared() * edges[1].length_squared();
+    if is_plain && length_squared > 1e-30 && length_squared < 1e30 {
+        return Some(cross * (1.0 / length_squared.sqrt()));
     }
-    // The squares of very small or very large edges leave the f32 range.
-    let cross = (b.as_dvec3() - a.as_dvec3()).cross(c.as_dvec3() - a.as_dvec3());
-    let normal = cross.try_normalize()?;
-    Some((normal.as_vec3(), cross.length() as f32))
+    extreme_face_normal([a, b, c])
+}
+
+/// The normal of a needle, in f64, and of a triangle so small or large that squares leave the f32 range: a power of two
+/// brings it back to a size near 1, so that its normal has the digits of the same triangle at any other size.
+#[cold]
+fn extreme_face_normal(corners: [Vec3; 3]) -> Option<Vec3> {
+    let [a, b, c] = corners.map(|p| p.as_dvec3());
+    let size = (b - a).abs().max((c - a).abs()).max_element();
+    if size == 0.0 {
+        return None;
+    }
+    let scale = size.log2().floor().exp2().recip();
+    let edges = [(b - a) * scale, (c - a) * scale];
+    let rounded = edges.map(|edge| edge.as_vec3());
+    let cross = rounded[0].cross(rounded[1]);
+    let length_squared = cross.length_squared();
+    if length_squared > NEEDLE * rounded[0].length_squared() * rounded[1].length_squared() {
+        return Some(cross * (1.0 / length_squared.sqrt()));
+    }
+    let cross = edges[0].cross(edges[1]);
+    cross.try_normalize().map(|normal| normal.as_vec3())
 }
 
 /// How far a point of this triangle may be off it.
@@ -96,7 +119,7 @@ impl SurfaceInteraction {
         let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
         let p = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
 
-        let (mut winding, _) = face_normal(corners)?;
+        let mut winding = face_normal(corners)?;
         if placement.to_world.is_some_and(|m| m.matrix3.determinant() < 0.0) {
             winding = -winding;
         }
@@ -261,7 +284,7 @@ mod tests {
             );
             let wide = crate::math::DAffine3::from_mat4(glam::Mat4::from(to_world).as_dmat4());
             let instance = geometry(bulging_triangle(), Some(to_world));
-            let baked = geometry(bulging_triangle().transformed(&wide), None);
+            let baked = geometry(bulging_triangle().into_f64().into_f32(&wide), None);
             // Mirroring swaps the second and the third corner of the baked mesh.
             let baked_hit = if scale.x < 0.0 {
                 Hit {
@@ -310,7 +333,7 @@ mod tests {
     fn a_triangle_without_area_has_no_normal() {
         assert!(face_normal([Vec3::ZERO, Vec3::X, Vec3::X * 2.0]).is_none());
         for scale in [1e-18f32, 1e-9, 1.0, 1e9, 1e18] {
-            let (normal, _) = face_normal([Vec3::ZERO, Vec3::X * scale, Vec3::Y * scale]).unwrap();
+            let normal = face_normal([Vec3::ZERO, Vec3::X * scale, Vec3::Y * scale]).unwrap();
             assert!((normal - Vec3::Z).length() < 1e-6, "{scale}");
         }
     }

@@ -1,15 +1,17 @@
 //! Indexed triangle meshes.
 
-use crate::math::{DAffine3, DVec3, Vec2, Vec3};
+use crate::math::{DAffine3, DMat3, DVec3, Vec2, Vec3};
 use thiserror::Error;
 
 /// An indexed triangle mesh. One index serves position, normal and texture coordinate alike.
 ///
-/// Front faces are counter-clockwise seen from outside. Positions are in the unit of the scene.
+/// Front faces are counter-clockwise seen from outside. Positions are in the unit of the scene: `DVec3` as read from a
+/// file, so that a mesh far from the origin keeps its shape until the origin of rendering is known, and `Vec3` from then
+/// on.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct TriangleMesh {
+pub struct TriangleMesh<P = Vec3> {
     /// Vertex positions; all finite.
-    pub positions: Vec<Vec3>,
+    pub positions: Vec<P>,
     /// Unit vertex normals, one per position, or empty for flat shading.
     pub normals: Vec<Vec3>,
     /// Texture coordinates, one per position, or empty. `v = 0` is the bottom row of an image.
@@ -27,7 +29,7 @@ pub enum MeshError {
         /// Index of the vertex, from 0.
         index: usize,
         /// Its position.
-        position: Vec3,
+        position: DVec3,
     },
     /// A triangle refers to a vertex that is not there.
     #[error("triangle {triangle} uses vertex {index}, but the mesh has {vertices} vertices")]
@@ -54,7 +56,7 @@ pub enum MeshError {
     Empty,
 }
 
-impl TriangleMesh {
+impl TriangleMesh<DVec3> {
     /// Checks the invariants that everything after loading relies on.
     ///
     /// # Errors
@@ -102,47 +104,70 @@ impl TriangleMesh {
         bad
     }
 
+    /// The mesh in other coordinates, rounded to f32. A transform that mirrors also swaps the winding, so that front stays
+    /// front. Attributes that stay as they are move, without a copy.
+    pub fn into_f32(self, transform: &DAffine3) -> TriangleMesh {
+        let place = |p: &DVec3| transform.transform_point3(*p).as_vec3();
+        let TriangleMesh {
+            positions,
+            mut normals,
+            uvs,
+            mut indices,
+        } = self;
+        // A uniform scale leaves normals as they are, to the bit.
+        let scale = transform.matrix3.x_axis.x;
+        let turns = transform.matrix3 != DMat3::from_diagonal(DVec3::splat(scale)) || scale < 0.0;
+        if turns {
+            let normal_matrix = transform.matrix3.inverse().transpose();
+            for n in &mut normals {
+                *n = (normal_matrix * n.as_dvec3())
+                    .try_normalize()
+                    .unwrap_or(DVec3::ZERO)
+                    .as_vec3();
+            }
+        }
+        if turns && transform.matrix3.determinant() < 0.0 {
+            indices.iter_mut().for_each(|t| t.swap(1, 2));
+        }
+        TriangleMesh {
+            positions: positions.iter().map(place).collect(),
+            normals,
+            uvs,
+            indices,
+        }
+    }
+
+    /// The smallest and largest corner of the axis-aligned box around all positions.
+    pub fn bounds(&self) -> (DVec3, DVec3) {
+        let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        self.positions
+            .iter()
+            .fold(empty, |(lo, hi), p| (lo.min(*p), hi.max(*p)))
+    }
+}
+
+impl TriangleMesh {
     /// The corner positions of a triangle.
     pub fn triangle(&self, triangle: usize) -> [Vec3; 3] {
         self.indices[triangle].map(|i| self.positions[i as usize])
     }
 
-    /// The mesh in world coordinates. A transform that mirrors also swaps the winding, so that front stays front.
-    pub fn transformed(&self, to_world: &DAffine3) -> TriangleMesh {
-        let normal_matrix = to_world.matrix3.inverse().transpose();
-        let mirrors = to_world.matrix3.determinant() < 0.0;
+    /// The same mesh as a part of a description.
+    pub fn into_f64(self) -> TriangleMesh<DVec3> {
         TriangleMesh {
-            positions: self
-                .positions
-                .iter()
-                .map(|p| to_world.transform_point3(p.as_dvec3()).as_vec3())
-                .collect(),
-            normals: self
-                .normals
-                .iter()
-                .map(|n| {
-                    (normal_matrix * n.as_dvec3())
-                        .try_normalize()
-                        .unwrap_or(DVec3::ZERO)
-                        .as_vec3()
-                })
-                .collect(),
-            uvs: self.uvs.clone(),
-            indices: if mirrors {
-                self.indices.iter().map(|&[a, b, c]| [a, c, b]).collect()
-            } else {
-                self.indices.clone()
-            },
+            positions: self.positions.iter().map(|p| p.as_dvec3()).collect(),
+            normals: self.normals,
+            uvs: self.uvs,
+            indices: self.indices,
         }
     }
 
     /// The smallest and largest corner of the axis-aligned box around all positions.
     pub fn bounds(&self) -> (Vec3, Vec3) {
+        let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         self.positions
             .iter()
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), p| {
-                (lo.min(*p), hi.max(*p))
-            })
+            .fold(empty, |(lo, hi), p| (lo.min(*p), hi.max(*p)))
     }
 
     /// Bytes held by the arrays.
@@ -158,9 +183,9 @@ impl TriangleMesh {
 mod tests {
     use super::*;
 
-    fn one_triangle() -> TriangleMesh {
+    fn one_triangle() -> TriangleMesh<DVec3> {
         TriangleMesh {
-            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            positions: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
             indices: vec![[0, 1, 2]],
             ..TriangleMesh::default()
         }
@@ -170,7 +195,7 @@ mod tests {
     fn validation_names_what_is_wrong() {
         assert_eq!(one_triangle().validate(), Ok(()));
         let mut nan = one_triangle();
-        nan.positions[1].y = f32::NAN;
+        nan.positions[1].y = f64::NAN;
         assert!(nan.validate().unwrap_err().to_string().contains("vertex 1"));
         let mut range = one_triangle();
         range.indices[0][2] = 7;
@@ -191,12 +216,12 @@ mod tests {
                 .to_string()
                 .contains("texture coordinates")
         );
-        assert_eq!(TriangleMesh::default().validate(), Err(MeshError::Empty));
+        assert_eq!(TriangleMesh::<DVec3>::default().validate(), Err(MeshError::Empty));
     }
 
     #[test]
     fn a_mirroring_transform_keeps_the_front_side() {
-        let mesh = one_triangle().transformed(&DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0)));
+        let mesh = one_triangle().into_f32(&DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0)));
         let [a, b, c] = mesh.triangle(0);
         assert!((b - a).cross(c - a).z > 0.0);
     }

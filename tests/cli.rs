@@ -285,7 +285,10 @@ fn a_singular_transform_is_an_error() {
         &["meshes[0].transform[3]", "[0, 0, 0, 1]"],
     );
     let huge = "transform = [[1e39, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n";
-    scene_is_refused(&[CAMERA, RED, FLOOR, huge].concat(), &["meshes[0].transform", "32-bit"]);
+    scene_is_refused(
+        &[CAMERA, RED, FLOOR, huge].concat(),
+        &["meshes[0] (floor.obj): transform", "32-bit"],
+    );
 }
 
 #[test]

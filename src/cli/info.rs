@@ -18,6 +18,10 @@ struct Info {
     placements: usize,
     instances: usize,
     triangles: u64,
+    /// Smallest and largest corner of the box around all geometry, in the scene's coordinates.
+    bounds: Option<[[f64; 3]; 2]>,
+    /// The point of the scene that rendering takes as its origin.
+    origin: [f64; 3],
     materials: Vec<String>,
     textures: usize,
     environment: Option<String>,
@@ -55,6 +59,11 @@ fn run_on<A: Accel>(args: &InfoArgs) -> Result<(), Failure> {
         placements: scene.geometry.placements.len(),
         instances: scene.instances(),
         triangles: scene.triangles(),
+        bounds: scene
+            .geometry
+            .bounds()
+            .map(|(lo, hi)| [lo, hi].map(|p| (p.as_dvec3() + scene.origin).to_array())),
+        origin: scene.origin.to_array(),
         materials,
         textures: scene.textures.len(),
         environment: scene.lights.environment().map(describe_environment),
@@ -103,6 +112,12 @@ fn table(info: &Info) -> String {
             info.triangles, info.placements, info.meshes, info.instances
         ),
     );
+    if let Some([lo, hi]) = info.bounds {
+        row("bounds", format!("{lo:?} to {hi:?}"));
+    }
+    if info.origin != [0.0; 3] {
+        row("origin", format!("moved to {:?} for rendering", info.origin));
+    }
     row("materials", info.materials.join(", "));
     row("textures", info.textures.to_string());
     row("environment", info.environment.clone().unwrap_or("none".into()));

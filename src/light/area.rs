@@ -50,7 +50,7 @@ impl AreaLight {
         AreaLight {
             corner: a,
             edges: [b - a, c - a],
-            normal: face_normal(corners).map_or(Vec3::ZERO, |(normal, _)| normal),
+            normal: face_normal(corners).unwrap_or(Vec3::ZERO),
             emission,
             p_error: position_error(corners),
             pdf_a: 0.0,

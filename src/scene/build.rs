@@ -2,12 +2,13 @@
 
 use super::desc::{EnvironmentDesc, ObjectDesc, SceneDesc};
 use super::features::SceneFeatures;
+use super::origin;
 use crate::accel::{Geometry, Placement};
-use crate::camera::{Camera, CameraError};
+use crate::camera::{Camera, CameraDesc, CameraError};
 use crate::light::Emission;
 use crate::light::{EnvSampling, Environment, EnvironmentError, LightSampler, LightSamplerBuilder};
 use crate::material::Material;
-use crate::math::DAffine3;
+use crate::math::{DAffine3, DVec3};
 use crate::mesh::TriangleMesh;
 use crate::texture::Texture;
 use rayon::prelude::*;
@@ -32,6 +33,9 @@ pub struct Surface {
 /// Everything that rendering reads, except the acceleration structure.
 #[derive(Debug)]
 pub struct Scene {
+    /// What the origin of rendering is in the coordinates of the description. Zero unless the scene stands far off:
+    /// everything below, camera and geometry, is relative to it.
+    pub origin: DVec3,
     /// The view.
     pub camera: Camera,
     /// Meshes and where they stand.
@@ -83,11 +87,11 @@ pub enum SceneError {
     #[error("environment: {0}")]
     Environment(#[from] EnvironmentError),
     /// A transform cannot be inverted.
-    #[error("meshes[{0}].transform: the matrix is singular or not finite; it would flatten the mesh")]
-    Transform(usize),
-    /// A transform moves a vertex out of the range of f32.
-    #[error("meshes[{0}].transform: it moves a vertex beyond what 32-bit coordinates can hold")]
-    Overflow(usize),
+    #[error("{0}: transform: the matrix is singular or not finite; it would flatten the mesh")]
+    Transform(String),
+    /// A vertex ends up out of the range of f32.
+    #[error("{0}: transform: it moves a vertex beyond what 32-bit coordinates can hold")]
+    Overflow(String),
     /// More placements or triangles than 32-bit indices can name.
     #[error("the scene has more than 2^32 {0}")]
     TooMany(&'static str),
@@ -98,15 +102,24 @@ impl Scene {
     ///
     /// # Errors
     /// A camera, transform or environment that cannot be rendered; see [`SceneError`].
-    pub fn build(desc: SceneDesc, options: SceneOptions) -> Result<Scene, SceneError> {
-        let camera = Camera::new(&desc.camera)?;
-        for (i, object) in desc.objects.iter().enumerate() {
+    pub fn build(mut desc: SceneDesc, options: SceneOptions) -> Result<Scene, SceneError> {
+        for object in &desc.objects {
             if !is_invertible(&object.to_world) {
-                return Err(SceneError::Transform(i));
+                return Err(SceneError::Transform(object.name.clone()));
             }
         }
+        let origin = origin::choose(&desc);
+        let camera = Camera::new(&CameraDesc {
+            position: desc.camera.position - origin,
+            look_at: desc.camera.look_at - origin,
+            ..desc.camera
+        })?;
+        let to_rendering = DAffine3::from_translation(-origin);
+        for object in &mut desc.objects {
+            object.to_world = to_rendering * object.to_world;
+        }
         let geometry = place(desc.meshes, &desc.objects, options.instancing);
-        for (i, placement) in geometry.placements.iter().enumerate() {
+        for (placement, object) in geometry.placements.iter().zip(&desc.objects) {
             let mesh = &geometry.meshes[placement.mesh as usize];
             let moved = placement.to_world.unwrap_or(glam::Affine3A::IDENTITY);
             if !mesh
@@ -114,7 +127,7 @@ impl Scene {
                 .par_iter()
                 .all(|p| moved.transform_point3(*p).is_finite())
             {
-                return Err(SceneError::Overflow(i));
+                return Err(SceneError::Overflow(object.name.clone()));
             }
         }
         let materials: Vec<Material> = desc.materials.iter().map(|(_, material)| *material).collect();
@@ -174,6 +187,7 @@ impl Scene {
             .union(SceneFeatures::SPECULAR.when(used(|m| !m.is_diffuse())))
             .union(SceneFeatures::CUTOUTS.when(used(|m| m.opacity.is_some())));
         Ok(Scene {
+            origin,
             camera,
             lights: lights.build(environment, radius),
             geometry,
@@ -220,8 +234,9 @@ pub(super) fn is_invertible(transform: &DAffine3) -> bool {
     transform.is_finite() && size > 0.0 && (m.determinant() / size).abs() > 1e-12
 }
 
-/// Decides what is copied to its place and what is instanced, and does it. Placements are in the order of the objects.
-fn place(meshes: Vec<Arc<TriangleMesh>>, objects: &[ObjectDesc], instancing: Instancing) -> Geometry {
+/// Decides what is copied to its place and what is instanced, and does it, rounding to f32. Placements are in the order of
+/// the objects.
+fn place(meshes: Vec<Arc<TriangleMesh<DVec3>>>, objects: &[ObjectDesc], instancing: Instancing) -> Geometry {
     let mut uses = vec![0usize; meshes.len()];
     for object in objects {
         uses[object.mesh] += 1;
@@ -232,43 +247,38 @@ fn place(meshes: Vec<Arc<TriangleMesh>>, objects: &[ObjectDesc], instancing: Ins
         Instancing::Always => true,
         Instancing::Never => false,
     };
-    // Shared meshes are stored once; the others once for each of their objects, in parallel.
-    let mut placed: Vec<Arc<TriangleMesh>> = Vec::new();
-    let mut shared_index = vec![None; meshes.len()];
+    // Shared meshes are stored once, around a middle of their own; the others once for each of their objects.
+    let mut shared_index: Vec<Option<(u32, DVec3)>> = vec![None; meshes.len()];
+    let mut to_round: Vec<(Arc<TriangleMesh<DVec3>>, DAffine3)> = Vec::new();
     let mut placements = Vec::with_capacity(objects.len());
-    let mut to_bake = Vec::new();
     for object in objects {
-        if share && uses[object.mesh] > 1 {
-            let mesh = *shared_index[object.mesh].get_or_insert_with(|| {
-                placed.push(meshes[object.mesh].clone());
-                placed.len() as u32 - 1
+        let mesh = &meshes[object.mesh];
+        let placement = if share && uses[object.mesh] > 1 {
+            let (index, middle) = *shared_index[object.mesh].get_or_insert_with(|| {
+                let (lo, hi) = mesh.bounds();
+                let middle = origin::of_box(lo, hi);
+                to_round.push((mesh.clone(), DAffine3::from_translation(-middle)));
+                (to_round.len() as u32 - 1, middle)
             });
-            let m = object.to_world;
+            let m = object.to_world * DAffine3::from_translation(middle);
             let to_world = glam::Affine3A::from_mat3_translation(m.matrix3.as_mat3(), m.translation.as_vec3());
-            placements.push(Placement {
-                mesh,
-                to_world: Some(to_world),
-            });
+            (index, Some(to_world))
         } else {
-            to_bake.push((placed.len(), object));
-            placed.push(meshes[object.mesh].clone());
-            placements.push(Placement {
-                mesh: placed.len() as u32 - 1,
-                to_world: None,
-            });
-        }
+            to_round.push((mesh.clone(), object.to_world));
+            (to_round.len() as u32 - 1, None)
+        };
+        placements.push(Placement {
+            mesh: placement.0,
+            to_world: placement.1,
+        });
     }
     drop(meshes);
-    let baked: Vec<(usize, Arc<TriangleMesh>)> = to_bake
-        .into_par_iter()
-        .filter(|(_, object)| object.to_world != DAffine3::IDENTITY)
-        .map(|(slot, object)| (slot, Arc::new(placed[slot].transformed(&object.to_world))))
-        .collect();
-    for (slot, mesh) in baked {
-        placed[slot] = mesh;
-    }
+    let rounded = to_round.into_par_iter().map(|(mesh, transform)| {
+        // The last to use a mesh takes its arrays.
+        Arc::new(Arc::unwrap_or_clone(mesh).into_f32(&transform))
+    });
     Geometry {
-        meshes: placed,
+        meshes: rounded.collect(),
         placements,
     }
 }

@@ -4,7 +4,7 @@ use crate::camera::CameraDesc;
 use crate::image::Image;
 use crate::light::Emission;
 use crate::material::Material;
-use crate::math::{DAffine3, Rgb};
+use crate::math::{DAffine3, DVec3, Rgb};
 use crate::mesh::TriangleMesh;
 use crate::texture::Texture;
 use std::sync::Arc;
@@ -23,7 +23,7 @@ pub struct SceneDesc {
     /// Bitmaps that the materials refer to.
     pub textures: Vec<Texture>,
     /// Validated meshes.
-    pub meshes: Vec<Arc<TriangleMesh>>,
+    pub meshes: Vec<Arc<TriangleMesh<DVec3>>>,
     /// What stands where.
     pub objects: Vec<ObjectDesc>,
     /// Hash over the scene file and everything it refers to, in hexadecimal.
@@ -51,6 +51,8 @@ pub enum EnvironmentDesc {
 /// A mesh standing in the world.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObjectDesc {
+    /// For messages: the entry of the scene file and the mesh file.
+    pub name: String,
     /// Index into [`SceneDesc::meshes`].
     pub mesh: usize,
     /// Index into [`SceneDesc::materials`].

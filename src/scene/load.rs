@@ -4,13 +4,14 @@ use super::desc::{EnvironmentDesc, ObjectDesc, SceneDesc};
 use super::file::{self, ColourEntry, EnvironmentEntry, MaterialEntry, MeshEntry, SceneFile};
 use super::obj::{self, MapRef, MtlMaterial, ObjError, ObjScene};
 use super::obj_material;
+use super::origin;
 use super::value::{Document, KeyError};
 use crate::camera::CameraDesc;
 use crate::image::ldr::LdrImage;
 use crate::image::{self, Decoded, Image, ImageError};
 use crate::light::Emission;
 use crate::material::{Material, Scattering, Spectrum};
-use crate::math::{DAffine3, DVec3, Rgb, Vec2, Vec3, srgb_decode};
+use crate::math::{DAffine3, DVec3, Rgb, Vec2, srgb_decode};
 use crate::mesh::TriangleMesh;
 use crate::texture::{Encoding, Texture, TextureMap};
 use rayon::prelude::*;
@@ -83,11 +84,13 @@ pub fn load(path: &Path, options: LoadOptions) -> Result<SceneDesc, LoadError> {
         .and_then(|e| e.to_str())
         .unwrap_or("")
         .to_ascii_lowercase();
-    let desc = match extension.as_str() {
+    let mut desc = match extension.as_str() {
         "toml" | "json" => load_scene_file(path, extension == "toml")?,
         "obj" => load_mesh_alone(path)?,
         _ => return Err(LoadError::Format(path.to_owned())),
     };
+    let lost = origin::warnings(&desc);
+    desc.warnings.extend(lost);
     match desc.warnings.first() {
         Some(warning) if options.strict => Err(LoadError::Strict(warning.clone())),
         _ => Ok(desc),
@@ -124,7 +127,7 @@ fn load_mesh_alone(path: &Path) -> Result<SceneDesc, LoadError> {
         .map(|n| n.to_string_lossy().into_owned())
         .unwrap_or_default();
     let file = SceneFile {
-        camera: framing(Vec3::ZERO, Vec3::ONE),
+        camera: framing(DVec3::ZERO, DVec3::ONE),
         max_depth: None,
         environment: Some(EnvironmentEntry::Constant(Rgb::WHITE)),
         materials: Vec::new(),
@@ -136,19 +139,14 @@ fn load_mesh_alone(path: &Path) -> Result<SceneDesc, LoadError> {
         }],
     };
     let mut desc = assemble(file, path.parent().unwrap_or(Path::new("")), blake3::Hasher::new())?;
-    let infinite = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    let (low, high) = desc
-        .meshes
-        .iter()
-        .map(|m| m.bounds())
-        .fold(infinite, |(a, b), (c, d)| (a.min(c), b.max(d)));
-    desc.camera = framing(low, high);
+    if let Some((low, high)) = origin::bounds(&desc) {
+        desc.camera = framing(low, high);
+    }
     Ok(desc)
 }
 
 /// A camera that sees all of a box, from its front right and a little above.
-fn framing(low: Vec3, high: Vec3) -> CameraDesc {
-    let (low, high) = (low.as_dvec3(), high.as_dvec3());
+fn framing(low: DVec3, high: DVec3) -> CameraDesc {
     let centre = (low + high) * 0.5;
     // A point still needs a distance to be seen from.
     let radius = ((high - low).length() * 0.5)
@@ -403,7 +401,7 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
     // Objects: one per part of each mesh entry.
     let mut default_material = None;
     let mut part_base = Vec::with_capacity(objs.len());
-    let mut meshes: Vec<Arc<TriangleMesh>> = Vec::new();
+    let mut meshes: Vec<Arc<TriangleMesh<DVec3>>> = Vec::new();
     let mut parts: Vec<Vec<Option<usize>>> = Vec::with_capacity(objs.len());
     for obj in &mut objs {
         part_base.push(meshes.len());
@@ -411,7 +409,7 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
         meshes.extend(obj.parts.drain(..).map(|part| Arc::new(part.mesh)));
     }
     let mut objects = Vec::new();
-    for (entry, &obj) in file.meshes.iter().zip(&obj_of_entry) {
+    for (i, (entry, &obj)) in file.meshes.iter().zip(&obj_of_entry).enumerate() {
         for (part, part_material) in parts[obj].iter().enumerate() {
             let from_mtl = part_material.and_then(|m| mtl_index.get(&(obj, m)).copied());
             let (material, mtl_emission) = match (entry.material.and_then(|m| named_index[m]), from_mtl) {
@@ -426,6 +424,7 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
                 }
             };
             objects.push(ObjectDesc {
+                name: format!("meshes[{i}] ({})", entry.file),
                 mesh: part_base[obj] + part,
                 material,
                 to_world: entry.to_world,

@@ -7,6 +7,7 @@ mod file;
 mod load;
 pub mod obj;
 mod obj_material;
+mod origin;
 mod value;
 
 pub use build::{Instancing, Scene, SceneError, SceneOptions, Surface};

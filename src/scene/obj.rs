@@ -5,7 +5,7 @@ mod mtl;
 
 pub use mtl::{MapRef, MtlMaterial};
 
-use crate::math::{Vec2, Vec3};
+use crate::math::{DVec3, Vec2};
 use crate::mesh::{MeshError, TriangleMesh};
 use lines::{Ignored, Statements};
 use std::collections::HashMap;
@@ -32,7 +32,7 @@ pub struct ObjPart {
     /// Index into [`ObjScene::materials`]; `None` if no library has the material.
     pub material: Option<usize>,
     /// The triangles; satisfies [`TriangleMesh::validate`]. Normals are unit vectors or zero, texture coordinates finite.
-    pub mesh: TriangleMesh,
+    pub mesh: TriangleMesh<DVec3>,
 }
 
 /// Why an OBJ file cannot be used.
@@ -227,7 +227,7 @@ fn resolve_materials(
 }
 
 /// Joins the models of a part, which have the same attributes, and frees each as soon as it is copied.
-fn merge(path: &Path, models: Vec<tobj::Mesh>) -> Result<TriangleMesh, ObjError> {
+fn merge(path: &Path, models: Vec<tobj::Mesh>) -> Result<TriangleMesh<DVec3>, ObjError> {
     let total = |length: fn(&tobj::Mesh) -> usize| models.iter().map(length).sum::<usize>();
     let vertices = total(|m| m.positions.len() / 3);
     let triangles = total(|m| m.indices.len() / 3);
@@ -244,26 +244,32 @@ fn merge(path: &Path, models: Vec<tobj::Mesh>) -> Result<TriangleMesh, ObjError>
         // Fits: the sum over all models does.
         let base = mesh.positions.len() as u32;
         mesh.positions.extend(vectors(&model.positions));
-        mesh.normals.extend(vectors(&model.normals));
-        mesh.uvs
-            .extend(model.texcoords.as_chunks().0.iter().map(|&uv| Vec2::from_array(uv)));
+        mesh.normals.extend(vectors(&model.normals).map(|n| n.as_vec3()));
+        mesh.uvs.extend(
+            model
+                .texcoords
+                .as_chunks()
+                .0
+                .iter()
+                .map(|&[u, v]| Vec2::new(u as f32, v as f32)),
+        );
         mesh.indices
             .extend(model.indices.as_chunks::<3>().0.iter().map(|t| t.map(|i| i + base)));
     }
     Ok(mesh)
 }
 
-fn vectors(values: &[f32]) -> impl Iterator<Item = Vec3> {
-    values.as_chunks().0.iter().map(|&v| Vec3::from_array(v))
+fn vectors(values: &[f64]) -> impl Iterator<Item = DVec3> {
+    values.as_chunks().0.iter().map(|&v| DVec3::from_array(v))
 }
 
 /// Checks a mesh and mends its attributes.
 fn finish_mesh(
     path: &Path,
     material: Option<&str>,
-    mut mesh: TriangleMesh,
+    mut mesh: TriangleMesh<DVec3>,
     warnings: &mut Vec<String>,
-) -> Result<TriangleMesh, ObjError> {
+) -> Result<TriangleMesh<DVec3>, ObjError> {
     mesh.validate().map_err(|source| ObjError::Mesh {
         path: path.to_owned(),
         source,
@@ -294,6 +300,7 @@ fn finish_mesh(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::{DAffine3, Vec3};
 
     const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
 
@@ -316,7 +323,8 @@ mod tests {
         }
     }
 
-    fn corners(mesh: &TriangleMesh) -> Vec<[Vec3; 3]> {
+    fn corners(mesh: &TriangleMesh<DVec3>) -> Vec<[Vec3; 3]> {
+        let mesh = mesh.clone().into_f32(&DAffine3::IDENTITY);
         (0..mesh.indices.len()).map(|t| mesh.triangle(t)).collect()
     }
 
@@ -632,6 +640,6 @@ mod tests {
         assert_eq!(mesh.indices.len(), strip);
         // Two vertices are on the seam.
         assert_eq!(mesh.positions.len(), strip + 4);
-        assert_eq!(mesh.triangle(strip - 1)[2], Vec3::new(strip as f32, 0.0, 0.0));
+        assert_eq!(corners(mesh)[strip - 1][2], Vec3::new(strip as f32, 0.0, 0.0));
     }
 }

@@ -260,6 +260,7 @@ impl Stage {
         emission: Option<Emission>,
         places: &[DAffine3],
     ) -> Stage {
+        let mesh = mesh.into_f64();
         mesh.validate().expect("the mesh of a test is valid");
         let desc = &mut self.0;
         desc.meshes.push(Arc::new(mesh));
@@ -267,6 +268,7 @@ impl Stage {
             .push((format!("material {}", desc.materials.len()), material));
         for to_world in places {
             desc.objects.push(ObjectDesc {
+                name: format!("object {}", desc.objects.len()),
                 mesh: desc.meshes.len() - 1,
                 material: desc.materials.len() - 1,
                 to_world: *to_world,

@@ -1,0 +1,6 @@
+//! Numerical stability at the extremes: where renderers break. docs/numerics.md has the table of hazards and figures.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod placement;
