@@ -1,11 +1,14 @@
 //! Shading data at a hit, computed from our own vertices whatever the backend, and the only ray-offset code.
 //!
-//! **Offsets.** A point computed from barycentric coordinates is off its triangle by rounding, by at most a few ulps of
-//! the largest corner coordinate (after pbrt's error bounds; the corners, not the point, because a backend computes with
-//! the corners; the largest of the three axes, so that a point on the plane y = 0 leaves it as well: backends differ on
-//! hits at distance 0). Rays start that far off the plane along the geometric normal. The bound is relative to the
-//! coordinates, so there is no length that suits one scene and breaks another: scaling a scene by a power of two scales
-//! every origin exactly.
+//! **Offsets.** A point computed from barycentric coordinates is off its triangle by rounding: on each axis by at most a few
+//! ulps of the largest corner coordinate (after pbrt's error bounds; of the corners, not the point, because backends
+//! compute with the corners), which counts as much as the normal points along that axis. A floor however wide is thus left
+//! by no more than its own height and the point's place ask for. Rays start that far off the plane along the geometric
+//! normal. The bound is relative to the coordinates, so there is no length that suits one scene and breaks another:
+//! scaling a scene by a power of two scales every origin exactly.
+//!
+//! **Large triangles.** Interpolating between corners that are far away leaves a point as inexact as they are. Where they
+//! are much farther off than the ray has come, the point is that of the ray on the triangle's plane instead.
 //!
 //! **Smooth normals.** Interpolated normals disagree with the flat triangle in three ways:
 //! - Where `wo` lies below the shading normal's horizon, the normal is bent towards `wo` until it does not, so that
@@ -20,8 +23,12 @@
 use crate::accel::{Geometry, Hit, Ray};
 use crate::math::{Frame, Vec2, Vec3};
 
-/// Bound on how far a computed point is off its triangle, in units of the largest corner coordinate: 2⁻²⁰, eight ulps. Interpolation takes three roundings; instance transforms and the backends' own arithmetic the rest.
+/// Bound on the rounding of a coordinate, relative to the largest that it is computed from: 2⁻²⁰, eight ulps. Interpolation
+/// takes three roundings; instance transforms and the backends' own arithmetic the rest.
 const POSITION_ERROR: f32 = 1.0 / 1_048_576.0;
+
+/// Corners this many times farther off than the way of a ray make a triangle a large one: four of 24 bits are lost.
+const LARGE: f32 = 16.0;
 
 /// What shading needs to know about a hit.
 #[derive(Clone, Copy, Debug)]
@@ -38,7 +45,7 @@ pub struct SurfaceInteraction {
     pub front: bool,
     /// Texture coordinates; the barycentric ones where the mesh has none.
     pub uv: Vec2,
-    /// How far `p` may be off the triangle.
+    /// How far `p` may be off the triangle because of rounding between its corners.
     pub p_error: f32,
     /// From `p` to the curved surface on the side of `wo`; zero without smooth normals.
     pub lift: Vec3,
@@ -82,17 +89,36 @@ fn extreme_face_normal(corners: [Vec3; 3]) -> Option<Vec3> {
     cross.try_normalize().map(|normal| normal.as_vec3())
 }
 
-/// How far a point of this triangle may be off it.
+/// The largest coordinate of the corners on each axis.
 #[inline]
-pub fn position_error([a, b, c]: [Vec3; 3]) -> f32 {
-    a.abs().max(b.abs()).max(c.abs()).max_element() * POSITION_ERROR
+pub fn largest_coordinates([a, b, c]: [Vec3; 3]) -> Vec3 {
+    a.abs().max(b.abs()).max(c.abs())
 }
 
-/// Moves a point off its triangle to the side that the unit vector `n` (plus or minus its normal) points to. Rounding
-/// the sum takes back at most a tenth of the offset.
+/// How far a point of a triangle of these [`largest_coordinates`] and the unit normal `n` may be off it because of rounding
+/// between its corners.
+#[inline]
+pub fn position_error(largest: Vec3, n: Vec3) -> f32 {
+    largest.dot(n.abs()) * POSITION_ERROR
+}
+
+/// Moves a point off its triangle to the side that the unit vector `n` (plus or minus its normal) points to: by the
+/// triangle's `p_error`, but at least by what the point's own coordinates resolve, since backends differ on hits at
+/// distance 0. Rounding the sum takes back at most a tenth of the offset.
 #[inline(always)]
 pub fn offset_point(p: Vec3, p_error: f32, n: Vec3) -> Vec3 {
-    p + n * p_error
+    p + n * p_error.max(p.abs().max_element() * POSITION_ERROR)
+}
+
+/// Where a ray meets the plane of a triangle, if it does not go along it.
+#[cold]
+fn point_on_plane(ray: &Ray, corners: [Vec3; 3]) -> Option<Vec3> {
+    let [a, b, c] = corners.map(|p| p.as_dvec3());
+    let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+    let normal = (b - a).cross(c - a);
+    let t = normal.dot(a - origin) / normal.dot(direction);
+    let p = (origin + direction * t).as_vec3();
+    p.is_finite().then_some(p)
 }
 
 /// Texture coordinates at a hit; the barycentric ones where the mesh has none.
@@ -107,19 +133,31 @@ pub fn texture_coordinates(geometry: &Geometry, hit: &Hit) -> Vec2 {
 }
 
 impl SurfaceInteraction {
-    /// Shading data of `hit`, seen along `-wo`. `SMOOTH` allows vertex normals; `lift` the shadow terminator's remedy.
+    /// Shading data of `hit`, which `ray` has found. `SMOOTH` allows vertex normals; `lift` the shadow terminator's remedy.
     /// `None` for a triangle without area, which has no normal to shade with.
     // Always inlined: what the kernel does not read, texture coordinates or the lift, is then not computed.
     #[inline(always)]
-    pub fn new<const SMOOTH: bool>(geometry: &Geometry, hit: &Hit, wo: Vec3, lift: bool) -> Option<SurfaceInteraction> {
+    pub fn new<const SMOOTH: bool>(
+        geometry: &Geometry,
+        ray: &Ray,
+        hit: &Hit,
+        lift: bool,
+    ) -> Option<SurfaceInteraction> {
+        let wo = -ray.direction;
         let placement = &geometry.placements[hit.placement as usize];
         let mesh = &*geometry.meshes[placement.mesh as usize];
         let corners = geometry.world_triangle(hit.placement, hit.triangle);
         let indices = mesh.indices[hit.triangle as usize].map(|i| i as usize);
         let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
-        let p = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
+        let mut p = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
+        let way = ray.origin.abs().max_element() + hit.t;
+        let largest = largest_coordinates(corners);
+        if largest.max_element() > LARGE * way {
+            p = point_on_plane(ray, corners).unwrap_or(p);
+        }
 
         let mut winding = face_normal(corners)?;
+        let p_error = position_error(largest, winding);
         if placement.to_world.is_some_and(|m| m.matrix3.determinant() < 0.0) {
             winding = -winding;
         }
@@ -162,7 +200,7 @@ impl SurfaceInteraction {
             frame: Frame::from_normal(ns),
             front,
             uv: texture_coordinates(geometry, hit),
-            p_error: position_error(corners),
+            p_error,
             lift: lifted,
         })
     }
@@ -244,11 +282,16 @@ mod tests {
         v: 0.3,
     };
 
+    /// A ray that finds [`HIT`] or another point near the origin from the direction `wo`.
+    fn seen_from(wo: Vec3) -> Ray {
+        Ray::new(Vec3::new(0.3, 0.3, 0.0) + wo, -wo)
+    }
+
     #[test]
     fn normals_face_the_viewer_on_both_sides() {
         let geometry = geometry(bulging_triangle(), None);
         for (wo, front) in [(Vec3::Z, true), (Vec3::NEG_Z, false)] {
-            let si = SurfaceInteraction::new::<true>(&geometry, &HIT, wo, true).unwrap();
+            let si = SurfaceInteraction::new::<true>(&geometry, &seen_from(wo), &HIT, true).unwrap();
             assert_eq!(si.front, front);
             assert!(si.ng.dot(wo) > 0.0 && si.frame.n.dot(wo) > 0.0);
         }
@@ -257,7 +300,11 @@ mod tests {
     #[test]
     fn the_lift_rises_on_the_bulging_side_and_is_zero_on_the_hollow_one() {
         let geometry = geometry(bulging_triangle(), None);
-        let lift = |wo, lift| SurfaceInteraction::new::<true>(&geometry, &HIT, wo, lift).unwrap().lift;
+        let lift = |wo, lift| {
+            SurfaceInteraction::new::<true>(&geometry, &seen_from(wo), &HIT, lift)
+                .unwrap()
+                .lift
+        };
         assert!(lift(Vec3::Z, true).z > 0.0);
         assert_eq!(lift(Vec3::NEG_Z, true), Vec3::ZERO);
         assert_eq!(lift(Vec3::Z, false), Vec3::ZERO);
@@ -269,7 +316,7 @@ mod tests {
         for i in 0..100 {
             let angle = i as f32 * 0.0628;
             let wo = Vec3::new(angle.cos(), angle.sin(), 0.01).normalize();
-            let si = SurfaceInteraction::new::<true>(&geometry, &HIT, wo, true).unwrap();
+            let si = SurfaceInteraction::new::<true>(&geometry, &seen_from(wo), &HIT, true).unwrap();
             assert!(si.frame.n.dot(wo) > 0.0);
         }
     }
@@ -296,8 +343,8 @@ mod tests {
                 HIT
             };
             let wo = Vec3::new(0.3, 0.8, 0.4).normalize();
-            let a = SurfaceInteraction::new::<true>(&instance, &HIT, wo, true).unwrap();
-            let b = SurfaceInteraction::new::<true>(&baked, &baked_hit, wo, true).unwrap();
+            let a = SurfaceInteraction::new::<true>(&instance, &seen_from(wo), &HIT, true).unwrap();
+            let b = SurfaceInteraction::new::<true>(&baked, &seen_from(wo), &baked_hit, true).unwrap();
             assert_eq!(a.front, b.front);
             for (x, y) in [(a.p, b.p), (a.ng, b.ng), (a.frame.n, b.frame.n), (a.lift, b.lift)] {
                 assert!((x - y).length() < 1e-5, "{x} {y}");
@@ -319,9 +366,14 @@ mod tests {
                 indices: vec![[0, 1, 2]],
                 ..TriangleMesh::default()
             };
-            SurfaceInteraction::new::<false>(&geometry(mesh, None), &HIT, Vec3::Z, false)
-                .unwrap()
-                .origin(false)
+            SurfaceInteraction::new::<false>(
+                &geometry(mesh, None),
+                &Ray::new(Vec3::Z * 2.0 * scale, Vec3::NEG_Z),
+                &HIT,
+                false,
+            )
+            .unwrap()
+            .origin(false)
         };
         for exponent in [-20, -3, 5, 20] {
             let scale = 2f32.powi(exponent);

@@ -45,7 +45,7 @@ fn same_hit(a: Option<Hit>, b: Option<Hit>) -> bool {
 
 /// A point that a camera ray or a bounce from there has hit.
 fn surface(scene: &Scene, embree: &Embree, ray: &Ray) -> Option<SurfaceInteraction> {
-    SurfaceInteraction::new::<true>(&scene.geometry, &embree.intersect(ray)?, -ray.direction, true)
+    SurfaceInteraction::new::<true>(&scene.geometry, ray, &embree.intersect(ray)?, true)
 }
 
 #[test]

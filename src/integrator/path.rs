@@ -278,7 +278,7 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
     fn add_emitted(&self, batch: &mut Batch) {
         for ((path, ray), hit) in batch.paths.iter().zip(&batch.rays).zip(&batch.hits) {
             let Some(hit) = hit else { continue };
-            if let Some(si) = self.interaction(hit, -ray.direction) {
+            if let Some(si) = self.interaction(ray, hit) {
                 batch.radiance[path.sample as usize] += path.throughput * self.emitted(hit, &si, &path.bounce);
             }
         }
@@ -375,7 +375,7 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
     fn scatter_path(&self, depth: u32, i: usize, batch: &mut Batch) -> Option<(Path, Ray)> {
         let hit = batch.hits[i]?;
         let mut path = batch.paths[i];
-        let si = self.interaction(&hit, -batch.rays[i].direction)?;
+        let si = self.interaction(&batch.rays[i], &hit)?;
         if Self::AREA_LIGHTS {
             batch.radiance[path.sample as usize] += path.throughput * self.emitted(&hit, &si, &path.bounce);
         }
@@ -519,12 +519,12 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
     }
 
     #[inline]
-    fn interaction(&self, hit: &Hit, wo: Vec3) -> Option<SurfaceInteraction> {
+    fn interaction(&self, ray: &Ray, hit: &Hit) -> Option<SurfaceInteraction> {
         let lift = self.settings.smooth_terminator;
         if SceneFeatures(F).contains(SceneFeatures::SMOOTH_NORMALS) {
-            SurfaceInteraction::new::<true>(&self.scene.geometry, hit, wo, lift)
+            SurfaceInteraction::new::<true>(&self.scene.geometry, ray, hit, lift)
         } else {
-            SurfaceInteraction::new::<false>(&self.scene.geometry, hit, wo, lift)
+            SurfaceInteraction::new::<false>(&self.scene.geometry, ray, hit, lift)
         }
     }
 

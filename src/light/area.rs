@@ -1,6 +1,6 @@
 //! Emitting triangles.
 
-use crate::interaction::{face_normal, offset_point, position_error};
+use crate::interaction::{face_normal, largest_coordinates, offset_point, position_error};
 use crate::math::{Rgb, Vec3};
 use crate::sampling::warp;
 
@@ -47,12 +47,13 @@ impl AreaLight {
     /// `pdf_a` is set by the light sampler. A triangle without area never emits.
     pub(super) fn new(corners: [Vec3; 3], emission: Emission) -> AreaLight {
         let [a, b, c] = corners;
+        let normal = face_normal(corners).unwrap_or(Vec3::ZERO);
         AreaLight {
             corner: a,
             edges: [b - a, c - a],
-            normal: face_normal(corners).unwrap_or(Vec3::ZERO),
+            normal,
             emission,
-            p_error: position_error(corners),
+            p_error: position_error(largest_coordinates(corners), normal),
             pdf_a: 0.0,
         }
     }
