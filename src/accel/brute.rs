@@ -25,7 +25,7 @@ impl Accel for Brute {
             for triangle in 0..geometry.meshes[mesh as usize].indices.len() {
                 let (placement, triangle) = (placement as u32, triangle as u32);
                 let corners = geometry.world_triangle(placement, triangle);
-                if !triangle::is_degenerate(&corners) {
+                if triangle::can_be_hit(&corners) {
                     triangles.push(BruteTriangle {
                         corners,
                         placement,

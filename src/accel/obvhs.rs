@@ -149,7 +149,7 @@ struct TriangleTree {
 
 impl TriangleTree {
     fn build(mut triangles: Vec<([Vec3; 3], (u32, u32))>) -> TriangleTree {
-        triangles.retain(|(corners, _)| !triangle::is_degenerate(corners));
+        triangles.retain(|(corners, _)| triangle::can_be_hit(corners));
         let boxes: Vec<Aabb> = triangles
             .par_iter()
             .map(|(corners, _)| Aabb::from_points(&corners.map(Vec3A::from)))
@@ -163,14 +163,18 @@ impl TriangleTree {
         }
     }
 
-    /// The nearest hit and the slot of its triangle.
+    /// The nearest hit and the slot of its triangle: of several at the same distance, the one of the smallest ids.
     #[inline]
     fn intersect(&self, ray: &Ray, t_max: f32) -> Option<(usize, TriangleHit)> {
         let prepared = TriangleRay::new(ray)?;
-        let mut nearest = None;
+        let mut nearest: Option<(usize, TriangleHit)> = None;
+        let mut limit = t_max;
         self.tree.visit(&BoxRay::new(ray), t_max, |slot, t_max| {
-            if let Some(hit) = prepared.intersect(&self.corners[slot], *t_max) {
+            if let Some(hit) = prepared.intersect(&self.corners[slot], limit)
+                && nearest.is_none_or(|(other, near)| hit.t < near.t || self.ids[slot] < self.ids[other])
+            {
                 *t_max = hit.t;
+                limit = hit.t.next_up();
                 nearest = Some((slot, hit));
             }
             false
@@ -287,8 +291,10 @@ impl Accel for Obvhs {
             let t_max = nearest.map_or(ray.t_max, |hit| hit.t);
             self.instance_tree.visit(&BoxRay::new(ray), t_max, |slot, t_max| {
                 let instance = &self.instances[slot];
+                let limit = nearest.map_or(ray.t_max, |near| near.t.next_up());
                 if let Some(tree) = &self.meshes[instance.mesh as usize]
-                    && let Some((slot, hit)) = tree.intersect(&instance.ray_to_mesh(ray, *t_max), *t_max)
+                    && let Some((slot, hit)) = tree.intersect(&instance.ray_to_mesh(ray, limit), limit)
+                    && nearest.is_none_or(|near| hit.t < near.t || instance.placement < near.placement)
                 {
                     *t_max = hit.t;
                     nearest = Some(Hit {

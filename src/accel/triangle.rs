@@ -74,7 +74,7 @@ impl TriangleRay {
     }
 
     /// The hit in the open interval from the ray's `t_min` to `t_max`, of either side. Triangles seen edge-on and
-    /// triangles without area are not hit, nor are those with a corner so far off (about 1e18) that products overflow.
+    /// triangles without area are not hit, nor must those be tried with a corner beyond [`LARGEST_COORDINATE`].
     #[inline]
     pub fn intersect(&self, corners: &[Vec3; 3], t_max: f32) -> Option<TriangleHit> {
         let [a, b, c] = corners.map(|corner| permute(corner - self.origin, self.axis));
@@ -125,10 +125,14 @@ impl TriangleRay {
     }
 }
 
-/// Whether the corners lie on a line, so that the triangle has no normal and must not be hit.
-pub(super) fn is_degenerate([a, b, c]: &[Vec3; 3]) -> bool {
-    let a = a.as_dvec3();
-    (b.as_dvec3() - a).cross(c.as_dvec3() - a) == glam::DVec3::ZERO
+/// Triangles with a corner beyond this are never hit: products of edges leave the f32 range. It is Embree's own limit.
+pub const LARGEST_COORDINATE: f32 = 1.8e18;
+
+/// Whether a triangle can be hit: its corners must not lie on a line, which has no normal, nor too far off.
+pub(super) fn can_be_hit(corners: &[Vec3; 3]) -> bool {
+    let [a, b, c] = corners.map(|p| p.as_dvec3());
+    let is_near = |p: &Vec3| p.abs().max_element() <= LARGEST_COORDINATE;
+    (b - a).cross(c - a) != glam::DVec3::ZERO && corners.iter().all(is_near)
 }
 
 #[cfg(test)]
@@ -249,8 +253,10 @@ mod tests {
         assert!(hit(&ray, &[Vec3::Z; 3]).is_none());
         assert!(hit(&ray, &[-Vec3::X + Vec3::Z, Vec3::X + Vec3::Z, Vec3::Z]).is_none());
         assert!(hit(&ray, &[Vec3::Z, 2.0 * Vec3::Z, Vec3::X + Vec3::Z]).is_none());
-        assert!(is_degenerate(&[-Vec3::X, Vec3::ZERO, Vec3::X]));
-        assert!(!is_degenerate(&[Vec3::ZERO, Vec3::X * 1e-20, Vec3::Y * 1e-20]));
+        assert!(!can_be_hit(&[-Vec3::X, Vec3::ZERO, Vec3::X]));
+        assert!(can_be_hit(&[Vec3::ZERO, Vec3::X * 1e-20, Vec3::Y * 1e-20]));
+        assert!(can_be_hit(&[Vec3::ZERO, Vec3::X * 1e18, Vec3::Y * 1e18]));
+        assert!(!can_be_hit(&[Vec3::ZERO, Vec3::X * 2e18, Vec3::Y]));
     }
 
     #[test]

@@ -3,5 +3,6 @@
 #[path = "../support/mod.rs"]
 mod support;
 
+mod degenerate;
 mod intersections;
 mod placement;
