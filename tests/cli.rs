@@ -297,11 +297,47 @@ fn an_image_without_pixels_or_a_view_without_direction_is_an_error() {
     scene_is_refused(&CAMERA.replace("[0, 0.5, 0]", "[0, 1, 4]"), &["camera.look_at"]);
     scene_is_refused(&CAMERA.replace("40", "180"), &["camera.vfov", "180"]);
     scene_is_refused(&[CAMERA, "up = [0, 0, 0]\n"].concat(), &["camera.up"]);
+    scene_is_refused(&[CAMERA, "up = [0, -0.5, -4]\n"].concat(), &["camera.up", "parallel"]);
     let folder = Folder::with_scene();
     folder.refused(
         "render scene.toml -o out.png --resolution 4000000000x4000000000",
         3,
         &["resolution"],
+    );
+}
+
+#[test]
+fn what_32_bits_cannot_hold_is_a_warning_with_its_name() {
+    let warns = |scene: &str, words: &[&str]| {
+        let folder = Folder::with(scene);
+        let ran = folder.done("render scene.toml -o out.exr --spp 1");
+        for word in words {
+            assert!(ran.stderr.contains(word), "{word} is missing: {}", ran.stderr);
+        }
+        folder.refused("render scene.toml -o out.exr --strict", 3, &["--strict"]);
+    };
+    let at = |x: &str| format!("{FLOOR}transform = [[1, 0, 0, {x}], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n");
+    // Alone it may stand anywhere: that becomes the origin. Together with another, one of the two is far off.
+    let far = CAMERA
+        .replace("[0, 1, 4]", "[1e9, 1, 4]")
+        .replace("[0, 0.5, 0]", "[1e9, 0.5, 0]");
+    let folder = Folder::with(&[&far, SKY, RED, &at("1e9")].concat());
+    folder.done("render scene.toml -o out.exr --spp 1 --strict");
+    warns(
+        &[CAMERA, SKY, RED, FLOOR, &at("1e9")].concat(),
+        &["warning: meshes[1] (floor.obj)", "2 of 2 triangles"],
+    );
+    warns(
+        &[CAMERA, SKY, RED, FLOOR, &at("-1e30")].concat(),
+        &["warning: meshes[1] (floor.obj)", "are not shown"],
+    );
+    warns(
+        &[&CAMERA.replace("40", "1e-5"), SKY, RED, FLOOR].concat(),
+        &["camera.vfov"],
+    );
+    warns(
+        &[CAMERA, SKY, RED, FLOOR, LAMP, LAMP].concat(),
+        &["warning: meshes[2] (floor.obj)", "more than once"],
     );
 }
 

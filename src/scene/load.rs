@@ -6,6 +6,7 @@ use super::obj::{self, MapRef, MtlMaterial, ObjError, ObjScene};
 use super::obj_material;
 use super::origin;
 use super::value::{Document, KeyError};
+use super::warnings;
 use crate::camera::CameraDesc;
 use crate::image::ldr::LdrImage;
 use crate::image::{self, Decoded, Image, ImageError};
@@ -89,8 +90,8 @@ pub fn load(path: &Path, options: LoadOptions) -> Result<SceneDesc, LoadError> {
         "obj" => load_mesh_alone(path)?,
         _ => return Err(LoadError::Format(path.to_owned())),
     };
-    let lost = origin::warnings(&desc);
-    desc.warnings.extend(lost);
+    let unfit = warnings::of(&desc);
+    desc.warnings.extend(unfit);
     match desc.warnings.first() {
         Some(warning) if options.strict => Err(LoadError::Strict(warning.clone())),
         _ => Ok(desc),

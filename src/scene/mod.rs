@@ -9,6 +9,7 @@ pub mod obj;
 mod obj_material;
 mod origin;
 mod value;
+mod warnings;
 
 pub use build::{Instancing, Scene, SceneError, SceneOptions, Surface};
 pub use desc::{EnvironmentDesc, ObjectDesc, SceneDesc};
