@@ -6,3 +6,5 @@ mod support;
 mod degenerate;
 mod intersections;
 mod placement;
+mod precision;
+mod reference;

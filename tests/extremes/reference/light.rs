@@ -1,0 +1,243 @@
+//! Emitters and the densities of sampling them.
+
+use super::geometry::{Geometry, Hit, Interaction};
+use super::rgb;
+use embrace::light::{Emission, Emitter, Environment};
+use embrace::math::DVec3;
+use embrace::sampling::{Dimension, Sampler};
+use embrace::scene::{EnvironmentDesc, Scene};
+use std::f64::consts::{PI, TAU};
+
+/// All emitters of a scene.
+pub(super) struct Lights<'a> {
+    areas: Vec<AreaLight>,
+    environment: Option<Sky<'a>>,
+    /// Probability of sampling the environment and not a triangle.
+    environment_pmf: f64,
+}
+
+struct AreaLight {
+    corners: [DVec3; 3],
+    normal: DVec3,
+    emission: Emission,
+    offset: f64,
+    /// Density of a point on it [1/m²].
+    pdf_a: f64,
+}
+
+/// Light from infinity.
+enum Sky<'a> {
+    Constant(DVec3),
+    Map(Map<'a>),
+}
+
+struct Map<'a> {
+    /// Only to find out which texel random bits select.
+    table: &'a Environment,
+    width: usize,
+    height: usize,
+    texels: Vec<Texel>,
+    rotation: f64,
+}
+
+struct Texel {
+    radiance: DVec3,
+    /// Probability over the mean one.
+    probability: f64,
+}
+
+/// A direction towards an emitter.
+pub(super) struct LightSample {
+    pub(super) wi: DVec3,
+    /// Black if the emitter turns its back.
+    pub(super) radiance: DVec3,
+    /// [1/sr]
+    pub(super) pdf_w: f64,
+    /// On the emitter; 1 for the environment.
+    pub(super) cos: f64,
+    /// Where the shadow ray ends; `None`: at infinity.
+    pub(super) target: Option<DVec3>,
+}
+
+fn luminance(rgb: DVec3) -> f64 {
+    DVec3::new(0.2126, 0.7152, 0.0722).dot(rgb)
+}
+
+impl<'a> Lights<'a> {
+    pub(super) fn new(desc: Option<&EnvironmentDesc>, scene: &'a Scene, geometry: &Geometry) -> Lights<'a> {
+        let mut areas = Vec::new();
+        let mut powers = Vec::new();
+        for triangle in &geometry.0 {
+            let Some((emission, _)) = scene.surfaces[triangle.name.placement as usize].emission else {
+                continue;
+            };
+            let sides = if emission.both_sides { 2.0 } else { 1.0 };
+            powers.push(triangle.area() * sides * PI * luminance(rgb(emission.radiance)));
+            areas.push(AreaLight {
+                corners: triangle.corners,
+                normal: triangle.normal(),
+                emission,
+                offset: triangle.offset(),
+                pdf_a: 1.0 / triangle.area(),
+            });
+        }
+        let mut fluence = 0.0;
+        let environment = desc.map(|desc| match desc {
+            EnvironmentDesc::Constant(radiance) => {
+                fluence = 4.0 * PI * luminance(rgb(*radiance));
+                Sky::Constant(rgb(*radiance))
+            }
+            EnvironmentDesc::Map {
+                image,
+                scale,
+                rotation_degrees,
+            } => {
+                let (width, height) = (image.width as usize, image.height as usize);
+                let radiance = |k: usize| rgb(image.pixels[k]) * f64::from(*scale);
+                let weight =
+                    |k: usize| luminance(radiance(k)) * (PI * ((k / width) as f64 + 0.5) / height as f64).sin();
+                let count = width * height;
+                let mean = (0..count).map(weight).sum::<f64>() / count as f64;
+                fluence = TAU * PI * mean;
+                let texels = (0..count).map(|k| Texel {
+                    radiance: radiance(k),
+                    probability: weight(k) / mean,
+                });
+                Sky::Map(Map {
+                    table: scene.lights.environment().expect("the environment of the description"),
+                    width,
+                    height,
+                    texels: texels.collect(),
+                    rotation: rotation_degrees.to_radians(),
+                })
+            }
+        });
+        let environment_power = PI * geometry.radius().powi(2) * fluence;
+        let power = powers.iter().sum::<f64>() + environment_power;
+        for (area, area_power) in areas.iter_mut().zip(powers) {
+            area.pdf_a *= area_power / power;
+        }
+        Lights {
+            areas,
+            environment,
+            environment_pmf: environment_power / power,
+        }
+    }
+
+    /// Radiance of the environment, and the density of sampling its direction.
+    pub(super) fn escaped(&self, wi: DVec3) -> (DVec3, f64) {
+        let (radiance, pdf_w) = match &self.environment {
+            None => (DVec3::ZERO, 0.0),
+            Some(Sky::Constant(radiance)) => (*radiance, 1.0 / (2.0 * TAU)),
+            Some(Sky::Map(map)) => map.lookup(map.locate(wi)),
+        };
+        (radiance, pdf_w * self.environment_pmf)
+    }
+
+    /// Radiance of the emitter at a hit, and the density of sampling it from `previous`.
+    pub(super) fn met(&self, scene: &Scene, hit: &Hit, si: &Interaction, previous: DVec3) -> (DVec3, f64) {
+        match scene.surfaces[hit.name.placement as usize].emission {
+            Some((emission, first)) if si.front || emission.both_sides => {
+                let light = &self.areas[(first + hit.name.triangle) as usize];
+                let pdf_w = light.pdf_a * previous.distance_squared(si.p) / si.ng.dot(si.wo);
+                (rgb(emission.radiance), pdf_w)
+            }
+            _ => (DVec3::ZERO, 0.0),
+        }
+    }
+
+    /// Draws a direction from `p` towards an emitter.
+    pub(super) fn sample(&self, scene: &Scene, p: DVec3, sampler: &Sampler) -> Option<LightSample> {
+        let u = sampler.get_2d(Dimension::LightPosition).map(f64::from);
+        match (scene.lights.choose::<true, true>(sampler), &self.environment) {
+            (Emitter::Area(light), _) => Some(self.areas[light as usize].sample(p, u)),
+            (Emitter::Environment, Some(sky)) => {
+                let wi = match sky {
+                    Sky::Constant(_) => uniform_sphere(u),
+                    Sky::Map(map) => map.sample(map.table.choose_texel(sampler.get_u64(Dimension::Texel)), u),
+                };
+                let (radiance, pdf_w) = self.escaped(wi);
+                Some(LightSample {
+                    wi,
+                    radiance,
+                    pdf_w,
+                    cos: 1.0,
+                    target: None,
+                })
+            }
+            _ => None,
+        }
+    }
+}
+
+impl AreaLight {
+    fn sample(&self, p: DVec3, [u, v]: [f64; 2]) -> LightSample {
+        // Heitz 2019, "A low-distortion map between triangle and square".
+        let half = 0.5 * u.min(v);
+        let [a, b, c] = self.corners;
+        let point = a + (b - a) * (u - half) + (c - a) * (v - half);
+        let wi = (point - p).normalize();
+        let cos = -self.normal.dot(wi);
+        LightSample {
+            wi,
+            radiance: if cos > 0.0 || self.emission.both_sides {
+                rgb(self.emission.radiance)
+            } else {
+                DVec3::ZERO
+            },
+            pdf_w: self.pdf_a * p.distance_squared(point) / cos.abs(),
+            cos,
+            target: Some(point + self.normal * (self.offset * cos.signum())),
+        }
+    }
+}
+
+impl Map<'_> {
+    /// A direction around the centre of a texel, tent-distributed over the image.
+    fn sample(&self, texel: u32, u: [f64; 2]) -> DVec3 {
+        let (column, row) = (texel as usize % self.width, texel as usize / self.width);
+        let u_image = (column as f64 + 0.5 + tent(u[0])) / self.width as f64;
+        let v_image = (row as f64 + 0.5 + tent(u[1])) / self.height as f64;
+        // Past a pole, back on the same meridian.
+        let v_image = v_image.abs();
+        let v_image = 1.0 - (1.0 - v_image).abs();
+        let (sin_theta, cos_theta) = (PI * v_image).sin_cos();
+        let (sin_phi, cos_phi) = (TAU * u_image - self.rotation).sin_cos();
+        DVec3::new(sin_phi * sin_theta, cos_theta, -cos_phi * sin_theta)
+    }
+
+    /// Image coordinates of a direction, and the sine of the angle to the pole.
+    fn locate(&self, wi: DVec3) -> ([f64; 2], f64) {
+        let sin_theta = wi.x.hypot(wi.z);
+        let phi = wi.x.atan2(-wi.z) + self.rotation;
+        ([phi / TAU, sin_theta.atan2(wi.y) / PI], sin_theta)
+    }
+
+    /// Radiance and density, both interpolated bilinearly, wrapping around and repeating the rows at the poles.
+    fn lookup(&self, ([u, v], sin_theta): ([f64; 2], f64)) -> (DVec3, f64) {
+        let (column, row) = (u * self.width as f64 - 0.5, v * self.height as f64 - 0.5);
+        let (mut radiance, mut probability) = (DVec3::ZERO, 0.0);
+        for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let tent = |c: f64, d: i64| if d == 0 { 1.0 - (c - c.floor()) } else { c - c.floor() };
+            let x = (column.floor() as i64 + dx).rem_euclid(self.width as i64) as usize;
+            let y = (row.floor() as i64 + dy).clamp(0, self.height as i64 - 1) as usize;
+            let weight = tent(column, dx) * tent(row, dy);
+            let texel = &self.texels[y * self.width + x];
+            radiance += texel.radiance * weight;
+            probability += texel.probability * weight;
+        }
+        (radiance, probability / (TAU * PI * sin_theta))
+    }
+}
+
+fn uniform_sphere([u, v]: [f64; 2]) -> DVec3 {
+    let z = 1.0 - 2.0 * u;
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    let (sin, cos) = (TAU * v).sin_cos();
+    DVec3::new(r * cos, r * sin, z)
+}
+
+/// A number in (-1, 1) with the density 1 − |x|.
+fn tent(u: f64) -> f64 {
+    (1.0 - (2.0 * u).min(2.0 - 2.0 * u).sqrt()).copysign(u - 0.5)
+}
