@@ -1,7 +1,7 @@
 //! Emitting triangles.
 
 use crate::interaction::{face_normal, largest_coordinates, offset_point, position_error};
-use crate::math::{Rgb, Vec3};
+use crate::math::{DVec3, Rgb, Vec3};
 use crate::sampling::warp;
 
 /// Emission of a mesh: constant over its surface and over directions.
@@ -31,37 +31,52 @@ impl Emission {
     }
 }
 
+/// Bound on how far off its plane a backend finds an emitter, per distance that it is seen from and per slenderness.
+/// Corners relative to the origin of a ray, and the ray's direction, are rounded by 2⁻²⁴ of the distance; so is the length
+/// of a shadow ray, which would else end behind its own light. Rounding tilts the plane of a triangle that is low over its
+/// longest edge, and at the far end of that edge the plane is off by as much more as the edge is longer.
+const ERROR_PER_DISTANCE: f64 = 1.0 / 2_097_152.0;
+
+/// What is nearer to the emitter than this, in units of the distance, must still cast its shadow: triangles more slender
+/// than 1 : 32,768 may instead be in their own.
+const MAX_ERROR_PER_DISTANCE: f64 = 1.0 / 64.0;
+
 /// One emitting triangle, in world coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AreaLight {
     corner: Vec3,
     edges: [Vec3; 2],
     normal: Vec3,
-    emission: Emission,
+    pub(super) emission: Emission,
+    /// How far off its plane a shadow ray ends: this, and so much per distance that it has come.
     p_error: f32,
+    error_per_distance: f32,
     /// Probability of choosing this triangle over its area [1/m²]: the density of a point on it.
     pub(super) pdf_a: f32,
 }
 
 impl AreaLight {
-    /// `pdf_a` is set by the light sampler. A triangle without area never emits.
-    pub(super) fn new(corners: [Vec3; 3], emission: Emission) -> AreaLight {
-        let [a, b, c] = corners;
+    /// The light and its area in f64, which tiny, huge and slender triangles neither underflow, overflow nor lose to
+    /// cancellation. `pdf_a` is set by the light sampler. A triangle without area never emits.
+    pub(super) fn new(corners: [Vec3; 3], emission: Emission) -> (AreaLight, f64) {
+        let [a, b, c] = corners.map(|p| p.as_dvec3());
+        let cross = (b - a).cross(c - a);
+        let longest_squared = [b - a, c - b, a - c]
+            .map(DVec3::length_squared)
+            .into_iter()
+            .fold(0.0, f64::max);
+        let slenderness = longest_squared / cross.length();
         let normal = face_normal(corners).unwrap_or(Vec3::ZERO);
-        AreaLight {
-            corner: a,
-            edges: [b - a, c - a],
+        let light = AreaLight {
+            corner: corners[0],
+            edges: [(b - a).as_vec3(), (c - a).as_vec3()],
             normal,
             emission,
             p_error: position_error(largest_coordinates(corners), normal),
+            error_per_distance: (ERROR_PER_DISTANCE * slenderness).min(MAX_ERROR_PER_DISTANCE) as f32,
             pdf_a: 0.0,
-        }
-    }
-
-    /// Area in f64, which tiny and huge triangles neither underflow nor overflow.
-    pub(super) fn area(&self) -> f64 {
-        let [ab, ac] = self.edges.map(|p| p.as_dvec3());
-        0.5 * ab.cross(ac).length()
+        };
+        (light, 0.5 * cross.length())
     }
 
     /// A point on the triangle as seen from `p`: direction, radiance, density per solid angle, and the shadow ray's end.
@@ -77,7 +92,8 @@ impl AreaLight {
         if radiance.is_black() || !(pdf_w > 0.0 && pdf_w.is_finite()) {
             return None;
         }
-        let target = offset_point(point, self.p_error, self.normal * cos.signum());
+        let off_plane = self.p_error + self.error_per_distance * distance;
+        let target = offset_point(point, off_plane, self.normal * cos.signum());
         Some(super::LightSample {
             wi,
             radiance,

@@ -45,8 +45,8 @@ impl LightSamplerBuilder {
 
     /// Adds an emitting triangle in world coordinates, its corners counter-clockwise from the front.
     pub fn push(&mut self, corners: [Vec3; 3], emission: Emission) {
-        let light = AreaLight::new(corners, emission);
-        self.weights.push(light.area() * emission.exitance());
+        let (light, area) = AreaLight::new(corners, emission);
+        self.weights.push(area * emission.exitance());
         self.areas.push(light);
     }
 
@@ -61,9 +61,12 @@ impl LightSamplerBuilder {
         let mut environment_pmf = 0.0;
         if let Some(table) = &table {
             let pmf = table.implied_pmf();
-            for (light, pmf) in areas.iter_mut().zip(&pmf) {
-                let area = light.area();
-                light.pdf_a = if area > 0.0 { (pmf / area) as f32 } else { 0.0 };
+            for ((light, pmf), power) in areas.iter_mut().zip(&pmf).zip(&weights) {
+                light.pdf_a = if *power > 0.0 {
+                    (pmf * light.emission.exitance() / power) as f32
+                } else {
+                    0.0
+                };
             }
             environment_pmf = pmf.get(areas.len()).map_or(0.0, |&pmf| pmf as f32);
         }
