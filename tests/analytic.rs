@@ -12,6 +12,7 @@ use embrace::math::{DAffine3, DMat3, DVec3, Rgb, Vec2, Vec3};
 use embrace::scene::{Instancing, SceneOptions};
 use embrace::texture::{Encoding, Texture, TextureMap};
 use std::f64::consts::{PI, TAU};
+use support::exact::{facing, grey_map, integrate_map, map_direction};
 use support::{Significance, Stage, assert_mean, assert_same_images};
 
 support::for_each_backend! {
@@ -136,51 +137,11 @@ fn a_diffuse_convex_body_in_a_constant_environment_reflects_its_albedo<A: Accel>
     }
 }
 
-/// Irradiance on a plane facing up, from the bilinear interpolation of a grey map over the cells where `visible`: cell by
-/// cell between texel centres, in f64, with the documented orientation.
-fn irradiance(texels: &Image<Rgb>, visible: impl Fn(DVec3) -> bool) -> f64 {
-    let (w, h) = (texels.width as i32, texels.height as i32);
-    let texel = |x: i32, y: i32| f64::from(texels.at(x.rem_euclid(w) as u32, y.clamp(0, h - 1) as u32).r);
-    let mut sum = 0.0;
-    // Half texels: neither a texel centre nor a border is inside a cell.
-    for j in 0..h {
-        for i in 0..2 * w {
-            let contribution = |u: f64, v: f64| {
-                let (column, row) = (u * f64::from(w) - 0.5, v * f64::from(h) - 0.5);
-                let (x, y) = (column.floor(), row.floor());
-                let (fx, fy) = (column - x, row - y);
-                let (x, y) = (x as i32, y as i32);
-                let radiance = (texel(x, y) * (1.0 - fx) + texel(x + 1, y) * fx) * (1.0 - fy)
-                    + (texel(x, y + 1) * (1.0 - fx) + texel(x + 1, y + 1) * fx) * fy;
-                let (sin, cos) = (PI * v).sin_cos();
-                let d = DVec3::new(sin * (TAU * u).sin(), cos, -sin * (TAU * u).cos());
-                if visible(d) {
-                    radiance * cos.max(0.0) * sin * TAU * PI
-                } else {
-                    0.0
-                }
-            };
-            let u = [f64::from(i), f64::from(i + 1)].map(|i| i / f64::from(2 * w));
-            let v = [f64::from(j), f64::from(j + 1)].map(|j| j / f64::from(2 * h));
-            sum += support::integrate(&contribution, u, v, 1e-6);
-        }
-    }
-    sum
-}
-
 fn a_hot_texel_lights_a_plane_by_its_interpolated_radiance_in_the_sun_and_in_the_shade<A: Accel>() {
     // The sun stands in column 20 of 64 (u = 0.32, between +X and +Z), row 10 of 32: 59 degrees from the zenith.
     let (column, row) = (20, 10);
-    let sky = Image {
-        width: 64,
-        height: 32,
-        pixels: (0..64 * 32)
-            .map(|k| Rgb::splat(if (k % 64, k / 64) == (column, row) { 1e6 } else { 1.0 }))
-            .collect(),
-    };
-    let theta = PI * (f64::from(row) + 0.5) / 32.0;
-    let phi = TAU * (f64::from(column) + 0.5) / 64.0;
-    let sun = DVec3::new(theta.sin() * phi.sin(), theta.cos(), -theta.sin() * phi.cos());
+    let sky = grey_map(64, 32, |x, y| if (x, y) == (column, row) { 1e6 } else { 1.0 });
+    let sun = map_direction((f64::from(column) + 0.5) / 64.0, (f64::from(row) + 0.5) / 32.0);
     // The blocker is a square before the sun; all of the texel and its neighbours are behind it.
     let centre = sun * 2.0;
     let (side, half) = (sun.cross(DVec3::Y).normalize(), 0.6);
@@ -202,9 +163,14 @@ fn a_hot_texel_lights_a_plane_by_its_interpolated_radiance_in_the_sun_and_in_the
         .add(floor(), support::diffuse(0.5))
         .lit_by_map(sky.clone(), 0.0);
     let shaded = open.clone().add(support::quad(corner, u, v), support::diffuse(0.0));
+    let up = facing(Vec3::Y);
     for (name, stage, expected) in [
-        ("sunlit", &open, irradiance(&sky, |_| true)),
-        ("shaded", &shaded, irradiance(&sky, |d| !behind(d))),
+        ("sunlit", &open, integrate_map(&sky, &up)),
+        (
+            "shaded",
+            &shaded,
+            integrate_map(&sky, |d| if behind(d) { 0.0 } else { up(d) }),
+        ),
     ] {
         // In the shade next to nothing of what is drawn arrives: the same number has to come from the few that do.
         assert_mean(

@@ -5,11 +5,11 @@
 mod support;
 
 use embrace::bsdf::{Bsdf, Conductor, Dielectric, Diffuse, Plastic};
-use embrace::image::Image;
 use embrace::light::{Emission, EnvSampling, Environment, LightSamplerBuilder};
 use embrace::math::{DVec3, Rgb, Vec3};
 use embrace::sampling::{Sampler, SamplerKind, warp};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use support::exact::{grey_map, map_direction};
 use support::{Random, Significance, assert_chi_square, for_each_in_parallel, integrate};
 
 /// Cells of the unit interval or square that a coordinate in [0, 1) falls into.
@@ -72,23 +72,6 @@ fn lookup(d: DVec3) -> [f64; 2] {
     [(d.x.atan2(-d.z) / TAU).rem_euclid(1.0), d.x.hypot(d.z).atan2(d.y) / PI]
 }
 
-/// The inverse of [`lookup`].
-fn direction(u: f64, v: f64) -> DVec3 {
-    let ((sin_phi, cos_phi), (sin_theta, cos_theta)) = ((TAU * u).sin_cos(), (PI * v).sin_cos());
-    DVec3::new(sin_phi * sin_theta, cos_theta, -cos_phi * sin_theta)
-}
-
-/// A map whose texel in column `x`, row `y` is `f(x, y)` in grey.
-fn map(width: u32, height: u32, f: impl Fn(u32, u32) -> f32) -> Image<Rgb> {
-    Image {
-        width,
-        height,
-        pixels: (0..width * height)
-            .map(|k| Rgb::splat(f(k % width, k / width)))
-            .collect(),
-    }
-}
-
 #[test]
 fn environment_maps_are_sampled_with_the_density_they_state_and_it_integrates_to_one() {
     let random: Vec<f32> = {
@@ -96,21 +79,21 @@ fn environment_maps_are_sampled_with_the_density_they_state_and_it_integrates_to
         (0..128).map(|_| r.unit()).collect()
     };
     let one_hot =
-        |x: u32, y: u32, hot: f32, rest: f32| map(16, 8, move |i, j| if (i, j) == (x, y) { hot } else { rest });
+        |x: u32, y: u32, hot: f32, rest: f32| grey_map(16, 8, move |i, j| if (i, j) == (x, y) { hot } else { rest });
     let maps = [
         (
             "smooth",
-            map(16, 8, |x, y| 2.0 + (x as f32 * 0.39).sin() + (y as f32 * 0.7).cos()),
+            grey_map(16, 8, |x, y| 2.0 + (x as f32 * 0.39).sin() + (y as f32 * 0.7).cos()),
             0.0,
         ),
-        ("random", map(16, 8, |x, y| random[(y * 16 + x) as usize]), 0.0),
+        ("random", grey_map(16, 8, |x, y| random[(y * 16 + x) as usize]), 0.0),
         ("hot texel", one_hot(5, 3, 1e6, 1.0), 0.0),
-        ("one texel", map(1, 1, |_, _| 2.0), 0.0),
-        ("two texels", map(2, 1, |x, _| 1.0 + x as f32), 0.0),
+        ("one texel", grey_map(1, 1, |_, _| 2.0), 0.0),
+        ("two texels", grey_map(2, 1, |x, _| 1.0 + x as f32), 0.0),
         ("black but for one texel", one_hot(15, 4, 1.0, 0.0), 0.0),
         ("north pole", one_hot(2, 0, 1e3, 1.0), 0.0),
         ("south pole", one_hot(9, 7, 1.0, 0.0), 0.0),
-        ("rotated", map(16, 8, |x, y| random[(y * 16 + x) as usize]), 33.0),
+        ("rotated", grey_map(16, 8, |x, y| random[(y * 16 + x) as usize]), 33.0),
     ];
     let tests = 2 * maps.len();
     for_each_in_parallel(&maps, |(name, image, rotation)| {
@@ -120,7 +103,7 @@ fn environment_maps_are_sampled_with_the_density_they_state_and_it_integrates_to
             // Half texels of a 16 x 8 map: the density has its kinks on their borders, unless rotated.
             let (columns, rows, n) = (32usize, 16usize, 500_000u32);
             let density = |u: f64, v: f64| {
-                let (_, pdf_w) = environment.eval(direction(u, v).as_vec3());
+                let (_, pdf_w) = environment.eval(map_direction(u, v).as_vec3());
                 f64::from(pdf_w) * 2.0 * PI * PI * (PI * v).sin()
             };
             let expected: Vec<f64> = (0..columns * rows)
@@ -174,10 +157,10 @@ fn pool_ridges(expected: &[f64]) -> Vec<f64> {
 #[test]
 fn the_mean_sample_of_a_hot_texel_is_its_lookup_centre() {
     for (x, y) in [(5u32, 3u32), (0, 4), (31, 8)] {
-        let image = map(32, 16, |i, j| if (i, j) == (x, y) { 1.0 } else { 0.0 });
+        let image = grey_map(32, 16, |i, j| if (i, j) == (x, y) { 1.0 } else { 0.0 });
         let environment = Environment::from_map(&image, 1.0, 0.0, EnvSampling::Importance).expect("a valid map");
         let centre = [(f64::from(x) + 0.5) / 32.0, (f64::from(y) + 0.5) / 16.0];
-        let (at_centre, _) = environment.eval(direction(centre[0], centre[1]).as_vec3());
+        let (at_centre, _) = environment.eval(map_direction(centre[0], centre[1]).as_vec3());
         assert!(
             (at_centre.r - 1.0).abs() < 1e-4,
             "texel ({x}, {y}): {at_centre:?} at its centre"
@@ -206,7 +189,7 @@ fn the_mean_sample_of_a_hot_texel_is_its_lookup_centre() {
 #[test]
 fn environment_maps_are_oriented_as_documented() {
     // Four columns, centred at u = 1/8, 3/8, 5/8, 7/8; the top row is brighter by 10.
-    let image = map(4, 2, |x, y| (x + 1) as f32 + if y == 0 { 10.0 } else { 0.0 });
+    let image = grey_map(4, 2, |x, y| (x + 1) as f32 + if y == 0 { 10.0 } else { 0.0 });
     let at = |rotation: f64, d: Vec3| {
         let environment = Environment::from_map(&image, 1.0, rotation, EnvSampling::Importance).expect("a valid map");
         environment.eval(d).0.r

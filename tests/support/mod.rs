@@ -13,6 +13,8 @@
     reason = "every test binary compiles this module and uses a part of it"
 )]
 
+pub(crate) mod exact;
+
 use embrace::accel::{Accel, BuildOptions};
 use embrace::camera::CameraDesc;
 use embrace::film::Rect;
