@@ -4,7 +4,9 @@
 mod support;
 
 mod degenerate;
+mod environment;
 mod intersections;
+mod irradiance;
 mod placement;
 mod precision;
 mod reference;
