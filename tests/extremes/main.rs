@@ -7,6 +7,8 @@ mod degenerate;
 mod environment;
 mod intersections;
 mod irradiance;
+mod lights;
+mod many_lights;
 mod placement;
 mod precision;
 mod reference;
