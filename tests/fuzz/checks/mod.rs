@@ -1,0 +1,19 @@
+//! What must hold for any bytes at all. Each check takes what a fuzzer makes up and panics where the library breaks a
+//! promise; the fuzz targets (`fuzz/`) and the ordinary test (`tests/fuzz/main.rs`) run the same code.
+
+pub(crate) mod alias;
+pub(crate) mod environment;
+pub(crate) mod obj;
+pub(crate) mod scene_file;
+pub(crate) mod triangles;
+
+mod folder;
+
+/// Every check by the name of its fuzz target and of its folder of the corpus.
+pub(crate) const ALL: [(&str, fn(&[u8])); 5] = [
+    ("alias", alias::check),
+    ("environment", environment::check),
+    ("obj", obj::check),
+    ("scene_file", scene_file::check),
+    ("triangles", triangles::check),
+];
