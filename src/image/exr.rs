@@ -2,7 +2,7 @@
 
 use super::{Image, ImageError, check_size, guarded};
 use crate::math::Rgb;
-use exr::block::chunk::Chunk;
+use exr::block::chunk::{Chunk, CompressedBlock};
 use exr::block::reader::ChunksReader;
 use exr::block::{BlockIndex, UncompressedBlock};
 use exr::compression::Compression;
@@ -25,6 +25,16 @@ const BLOCKS_AT_ONCE: usize = 64;
 
 /// More than any renderer writes; bounds the size of a block together with the width.
 const MAX_CHANNELS: usize = 1024;
+
+/// Most bytes of an uncompressed block: the largest image of four 32-bit channels in one piece.
+const MAX_BLOCK: u64 = 1 << 32;
+
+/// Most bytes that a compressed byte can stand for: DEFLATE reaches 1032, and PXR24 then adds a fourth byte to every three.
+/// Runs (64), Huffman codes of runs (454) and B44 (11) stay below.
+const MAX_EXPANSION: u64 = 1032 * 4 / 3;
+
+/// The same for DWA, which makes two halves of 64 values, at most, and then compresses these.
+const DWA_EXPANSION: u64 = 1032 * 64;
 
 /// ITU-R BT.709 primaries and the D65 white point, CIE 1931 xy.
 const REC_709: Chromaticities = Chromaticities {
@@ -88,6 +98,9 @@ fn decode(bytes: &[u8], path: &Path) -> Result<Image<Rgb>, ImageError> {
             .map_err(failed)?;
         if batch.is_empty() {
             break;
+        }
+        for chunk in &batch {
+            check_block(path, &meta.headers, chunk)?;
         }
         let blocks: Vec<UncompressedBlock> = batch
             .into_par_iter()
@@ -205,6 +218,35 @@ fn check_header(path: &Path, header: &Header) -> Result<(u32, u32), ImageError> 
         check_size(path, tiles.tile_size.0 as u64, tiles.tile_size.1 as u64)?;
     }
     Ok(size)
+}
+
+/// Refuses blocks that claim to hold more than their bytes can: some decompressors allocate what the header says, and a
+/// header of a few hundred bytes may say a terabyte.
+fn check_block(path: &Path, headers: &[Header], chunk: &Chunk) -> Result<(), ImageError> {
+    let failed = |error| decode_error(path, error);
+    let header = headers
+        .get(chunk.layer_index)
+        .ok_or_else(|| damaged(path, "its table of blocks is wrong"))?;
+    let stored = match &chunk.compressed_block {
+        CompressedBlock::ScanLine(block) => block.compressed_pixels_le.len(),
+        CompressedBlock::Tile(block) => block.compressed_pixels_le.len(),
+        // Deep data is refused by the decoder.
+        _ => return Ok(()),
+    };
+    let indices = header.get_block_data_indices(&chunk.compressed_block).map_err(failed)?;
+    let size = header
+        .get_absolute_block_pixel_coordinates(indices)
+        .map_err(failed)?
+        .size;
+    let held = size.0 as u64 * size.1 as u64 * header.channels.bytes_per_pixel as u64;
+    let expansion = match header.compression {
+        Compression::DWAA(_) | Compression::DWAB(_) => DWA_EXPANSION,
+        _ => MAX_EXPANSION,
+    };
+    if held > MAX_BLOCK || held / expansion > stored as u64 {
+        return Err(damaged(path, "a block is cut short"));
+    }
+    Ok(())
 }
 
 fn damaged(path: &Path, reason: &str) -> ImageError {
