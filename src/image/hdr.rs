@@ -1,6 +1,6 @@
 //! Radiance HDR (RGBE) decoding.
 
-use super::{Image, ImageError, check_size, guarded};
+use super::{Image, ImageError, check_length, check_size, guarded};
 use crate::math::Rgb;
 use image::ImageDecoder;
 use image::codecs::hdr::HdrDecoder;
@@ -8,6 +8,10 @@ use std::io::Cursor;
 use std::path::Path;
 
 const FORMAT: &str = "Radiance HDR";
+
+/// A run of 127 in the new encoding takes 2 bytes for each of the 4 components, one of 255 in the old encoding 4 bytes.
+/// There, runs of runs could stand for 65536 pixels in 12 bytes, but nothing writes maps of one colour that way.
+const PIXELS_PER_BYTE: u64 = 64;
 
 /// True if the content begins like a Radiance HDR file.
 pub fn is_hdr(bytes: &[u8]) -> bool {
@@ -45,11 +49,8 @@ fn decode(bytes: &[u8], path: &Path) -> Result<Image<Rgb>, ImageError> {
         error => damaged(error.to_string()),
     })?;
     let (width, height) = decoder.dimensions();
-    check_size(path, width.into(), height.into())?;
-    // A row takes at least 4 bytes in any encoding; do not allocate for a file that cannot be whole.
-    if (bytes.len() as u64) < u64::from(height) * 4 {
-        return Err(damaged("it is cut short".to_owned()));
-    }
+    let size = check_size(path, width.into(), height.into())?;
+    check_length(path, FORMAT, bytes.len(), size, PIXELS_PER_BYTE)?;
     let mut samples = vec![0u8; width as usize * height as usize * size_of::<[f32; 3]>()];
     decoder.read_image(&mut samples).map_err(|e| damaged(e.to_string()))?;
     let pixels = samples
@@ -138,6 +139,11 @@ mod tests {
             let bytes = format!("#?RADIANCE\n\n{size}\n\0\0\0\0").into_bytes();
             assert!(read_picture(&bytes).is_err(), "{size}");
         }
+        // Rows of 65536 pixels in 12 bytes: a run of 255, and one of 255 times 256.
+        let mut runs = b"#?RADIANCE\n\n-Y 300 +X 65536\n".to_vec();
+        runs.extend([128, 64, 0, 129, 1, 1, 1, 255, 1, 1, 1, 255].repeat(300));
+        let error = read_picture(&runs).unwrap_err().to_string();
+        assert!(error.contains("pixels do not fit into"), "{error}");
         let xyz = b"#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n\0\0\0\0";
         assert!(read_picture(xyz).unwrap_err().to_string().contains("xyze"));
     }

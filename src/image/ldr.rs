@@ -1,6 +1,6 @@
 //! Formats of limited range and encoded values: PNG, JPEG and TGA decoding, PNG encoding.
 
-use super::{Image, ImageError, check_size, guarded};
+use super::{Image, ImageError, check_length, check_size, guarded};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat, ImageReader, Limits};
 use std::io::{Cursor, Write};
@@ -60,6 +60,18 @@ impl LdrFormat {
         }
     }
 
+    /// The most that a byte can stand for.
+    fn pixels_per_byte(self) -> u64 {
+        match self {
+            // DEFLATE makes 1032 bytes of one, and a palette of two colours has 8 pixels a byte.
+            LdrFormat::Png => 1032 * 8,
+            // A bit for each block of 8 x 8 pixels of the first scan.
+            LdrFormat::Jpeg => 8 * 64,
+            // Runs of 128 pixels of one byte, and the byte of their length.
+            LdrFormat::Tga => 64,
+        }
+    }
+
     fn format(self) -> ImageFormat {
         match self {
             LdrFormat::Png => ImageFormat::Png,
@@ -103,7 +115,8 @@ fn decode(bytes: &[u8], format: LdrFormat, path: &Path) -> Result<LdrImage, Imag
     reader.limits(limits);
     let decoder = reader.into_decoder().map_err(failed)?;
     let (width, height) = decoder.dimensions();
-    check_size(path, width.into(), height.into())?;
+    let size = check_size(path, width.into(), height.into())?;
+    check_length(path, format.name(), bytes.len(), size, format.pixels_per_byte())?;
     if format == LdrFormat::Jpeg && !has_jpeg_end(bytes) {
         return Err(damaged("it is cut short".to_owned()));
     }
@@ -376,5 +389,36 @@ mod tests {
         png[29..33].copy_from_slice(&crc.to_be_bytes());
         let error = read(&png, LdrFormat::Png, Path::new("dir/pic.png")).unwrap_err();
         assert!(error.to_string().contains("more than 4 GiB"), "{error}");
+    }
+
+    /// Sizes that are allowed, in files that cannot have so many pixels.
+    #[test]
+    fn sizes_that_the_file_is_too_short_for_are_refused_before_anything_is_allocated() {
+        let short = |bytes: &[u8], format, name| {
+            let error = read(bytes, format, Path::new(name)).unwrap_err().to_string();
+            assert!(error.contains("16384 x 16384 pixels do not fit into"), "{error}");
+        };
+        let mut tga = encode(&picture(), LdrFormat::Tga);
+        tga[12..16].copy_from_slice(&[0, 0x40, 0, 0x40]);
+        short(&tga, LdrFormat::Tga, "dir/pic.tga");
+        let mut png = encode(&picture(), LdrFormat::Png);
+        png[16..24].copy_from_slice(&[0, 0, 0x40, 0, 0, 0, 0x40, 0]);
+        let crc = crc32(&png[12..29]);
+        png[29..33].copy_from_slice(&crc.to_be_bytes());
+        short(&png, LdrFormat::Png, "dir/pic.png");
+        let mut jpeg = encode(&picture(), LdrFormat::Jpeg);
+        // The frame header: marker, length, precision, height, width.
+        let frame = jpeg.windows(2).position(|w| w == [0xff, 0xc0]).unwrap();
+        jpeg[frame + 5..frame + 9].copy_from_slice(&[0x40, 0, 0x40, 0]);
+        short(&jpeg, LdrFormat::Jpeg, "dir/pic.jpg");
+    }
+
+    /// What compresses best: one colour, which `pixels_per_byte` must let pass.
+    #[test]
+    fn large_pictures_of_one_colour_are_read() {
+        for (format, name) in FORMATS {
+            let bytes = encode(&image::GrayImage::new(2048, 1024).into(), format);
+            assert!(read(&bytes, format, Path::new(name)).is_ok(), "{name}");
+        }
     }
 }

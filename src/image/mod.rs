@@ -158,6 +158,25 @@ fn check_size(path: &Path, width: u64, height: u64) -> Result<(u32, u32), ImageE
     }
 }
 
+/// Refuses a file that says it has more pixels than its bytes can hold: the decoders allocate for all of them before they
+/// read any. `most` is the largest number of pixels that a byte stands for in the format.
+fn check_length(
+    path: &Path,
+    format: &'static str,
+    bytes: usize,
+    size: (u32, u32),
+    most: u64,
+) -> Result<(), ImageError> {
+    if u64::from(size.0) * u64::from(size.1) / most > bytes as u64 {
+        return Err(ImageError::Damaged {
+            path: path.to_owned(),
+            format,
+            reason: format!("{} x {} pixels do not fit into {bytes} bytes", size.0, size.1),
+        });
+    }
+    Ok(())
+}
+
 /// Runs a decoder that may panic on damaged input: the decoders of the crates `exr` and `image` assert what a damaged
 /// file may violate, and overflow in builds with overflow checks.
 fn guarded<T>(
