@@ -82,37 +82,38 @@ impl TriangleRay {
         let (bx, by) = (b.x - self.shear.x * b.z, b.y - self.shear.y * b.z);
         let (cx, cy) = (c.x - self.shear.x * c.z, c.y - self.shear.y * c.z);
         // Twice the signed areas opposite to each corner.
-        let mut weight_a = cx * by - cy * bx;
-        let mut weight_b = ax * cy - ay * cx;
-        let mut weight_c = bx * ay - by * ax;
-        if weight_a == 0.0 || weight_b == 0.0 || weight_c == 0.0 {
-            let exact = |px: f32, qy: f32, py: f32, qx: f32| {
-                (f64::from(px) * f64::from(qy) - f64::from(py) * f64::from(qx)) as f32
-            };
-            weight_a = exact(cx, by, cy, bx);
-            weight_b = exact(ax, cy, ay, cx);
-            weight_c = exact(bx, ay, by, ax);
-        }
-        if weight_a.min(weight_b).min(weight_c) < 0.0 && weight_a.max(weight_b).max(weight_c) > 0.0 {
-            return None;
-        }
+        let weights = [cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax];
+        let [weight_a, weight_b, weight_c] = if weights.contains(&0.0) {
+            // f64 to the end: the products of a triangle of 1e-23 are below all f32.
+            let exact =
+                |px: f32, qy: f32, py: f32, qx: f32| f64::from(px) * f64::from(qy) - f64::from(py) * f64::from(qx);
+            let weights = [exact(cx, by, cy, bx), exact(ax, cy, ay, cx), exact(bx, ay, by, ax)];
+            if weights.iter().any(|w| *w < 0.0) && weights.iter().any(|w| *w > 0.0) {
+                return None;
+            }
+            weights
+        } else {
+            let [a, b, c] = weights;
+            if a.min(b).min(c) < 0.0 && a.max(b).max(c) > 0.0 {
+                return None;
+            }
+            weights.map(f64::from)
+        };
         let sum = weight_a + weight_b + weight_c;
-        if sum == 0.0 {
+        if sum == 0.0 || !sum.is_finite() {
             return None;
         }
         let scale = 1.0 / sum;
         let ends = [a.z, b.z, c.z].map(|z| z * self.shear.z);
         let nearest = ends[0].min(ends[1]).min(ends[2]);
         let farthest = ends[0].max(ends[1]).max(ends[2]);
-        // A plane seen edge-on has its distance anywhere, or nowhere (NaN): between the corners is all that is known.
-        let t = match self.distance_to_plane(corners) {
-            t if t.is_nan() => nearest,
-            t => t.clamp(nearest, farthest),
-        };
+        // A plane seen edge-on has its distance anywhere, or nowhere (NaN, which `max` drops): between the corners is all
+        // that is known. Not `clamp`, which panics where the ends are NaN, as for a direction of 1e-39.
+        let t = self.distance_to_plane(corners).max(nearest).min(farthest);
         (t > self.t_min && t < t_max && t.is_finite()).then_some(TriangleHit {
             t,
-            u: weight_b * scale,
-            v: weight_c * scale,
+            u: (weight_b * scale) as f32,
+            v: (weight_c * scale) as f32,
         })
     }
 
@@ -257,6 +258,24 @@ mod tests {
         assert!(can_be_hit(&[Vec3::ZERO, Vec3::X * 1e-20, Vec3::Y * 1e-20]));
         assert!(can_be_hit(&[Vec3::ZERO, Vec3::X * 1e18, Vec3::Y * 1e18]));
         assert!(!can_be_hit(&[Vec3::ZERO, Vec3::X * 2e18, Vec3::Y]));
+    }
+
+    /// Products of coordinates below 1e-23 are no f32, those of coordinates above 1e19 none either.
+    #[test]
+    fn triangles_are_hit_where_products_vanish_and_not_where_they_overflow() {
+        let scaled = |scale: f32| {
+            let corners = [
+                Vec3::new(-1.0, -1.0, 2.0),
+                Vec3::new(1.0, -1.0, 2.0),
+                Vec3::new(0.0, 1.0, 2.0),
+            ];
+            hit(&Ray::new(Vec3::ZERO, Vec3::Z), &corners.map(|p| p * scale))
+        };
+        for scale in [1e-30, 1e-23, 1e-19, 1.0, 1e18] {
+            let TriangleHit { t, u, v } = scaled(scale).unwrap();
+            assert_eq!((t, u, v), (2.0 * scale, 0.25, 0.5), "{scale:e}");
+        }
+        assert_eq!(scaled(1e20), None);
     }
 
     #[test]
