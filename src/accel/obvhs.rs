@@ -24,10 +24,11 @@ use std::time::Duration;
 /// crate's logarithm that chooses the grid of a node, off by up to 7e-7. Far below the 1/255 of the grid itself.
 const ROUNDING: f32 = 2e-6;
 
-/// Stands for the reciprocal of a zero, so that no product with a zero distance is undefined.
-const LARGEST_RECIPROCAL: f32 = 1e18;
+/// Stands for the reciprocal of a zero, so that no product with a zero distance is undefined. In sizes of the tree: from up
+/// to 1e8 of them away, no product is infinite.
+const LARGEST_RECIPROCAL: f32 = 1e30;
 
-/// A ray prepared for boxes.
+/// A ray prepared for the boxes of a tree: distances along it are its own, positions those of the tree's frame.
 struct BoxRay {
     origin: Vec3A,
     direction: Vec3A,
@@ -37,11 +38,12 @@ struct BoxRay {
 
 impl BoxRay {
     #[inline]
-    fn new(ray: &Ray) -> BoxRay {
+    fn new(ray: &Ray, scale: f32) -> BoxRay {
+        let direction = Vec3A::from(ray.direction);
         BoxRay {
-            origin: ray.origin.into(),
-            direction: ray.direction.into(),
-            reciprocal: Vec3A::from(ray.direction.to_array().map(|d| {
+            origin: Vec3A::from(ray.origin) * scale,
+            direction,
+            reciprocal: Vec3A::from((direction * scale).to_array().map(|d| {
                 if d.abs() < 1.0 / LARGEST_RECIPROCAL {
                     LARGEST_RECIPROCAL.copysign(d)
                 } else {
@@ -93,19 +95,34 @@ fn children_hit(node: &CwBvhNode, ray: &BoxRay, t_max: f32, octant: u32) -> u32 
     mask
 }
 
-/// A tree over boxes.
+/// A tree over boxes, in a frame where the largest coordinate is between 1 and 2: the crate multiplies areas by numbers of
+/// triangles, which at 1e15 leaves f32 and the tree is wrong, and compares boxes to an absolute 1e-5.
+#[derive(Default)]
 struct Tree {
     bvh: CwBvh,
+    /// From the world, or the mesh, to the frame of the tree: a power of two, which rounds nothing.
+    scale: f32,
 }
 
 impl Tree {
-    fn build(boxes: &[Aabb]) -> Tree {
-        let bvh = if boxes.is_empty() {
-            CwBvh::default()
-        } else {
-            build_cwbvh(boxes, BvhBuildParams::medium_build(), &mut Duration::default())
-        };
-        Tree { bvh }
+    fn build(mut boxes: Vec<Aabb>) -> Tree {
+        if boxes.is_empty() {
+            return Tree::default();
+        }
+        // The box of an instance may reach beyond f32 where its mesh does not.
+        let clamp = |p: Vec3A| p.clamp(Vec3A::splat(f32::MIN), Vec3A::splat(f32::MAX));
+        let largest = boxes.iter().fold(Vec3A::ZERO, |largest, b| {
+            largest.max(clamp(b.min).abs()).max(clamp(b.max).abs())
+        });
+        // The exponent with its sign turned, as far as a normal number has it.
+        let scale = f32::from_bits((254 - (largest.max_element().to_bits() >> 23).clamp(1, 253)) << 23);
+        for b in &mut boxes {
+            *b = Aabb::new(clamp(b.min) * scale, clamp(b.max) * scale);
+        }
+        Tree {
+            bvh: build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Duration::default()),
+            scale,
+        }
     }
 
     /// The box behind each slot that [`Tree::visit`] names.
@@ -116,7 +133,8 @@ impl Tree {
     /// Calls `test` with each slot whose box the segment may touch, roughly from near to far, until it returns true.
     /// `test` may shorten the segment.
     #[inline(always)]
-    fn visit(&self, ray: &BoxRay, t_max: f32, mut test: impl FnMut(usize, &mut f32) -> bool) {
+    fn visit(&self, ray: &Ray, t_max: f32, mut test: impl FnMut(usize, &mut f32) -> bool) {
+        let ray = &BoxRay::new(ray, self.scale);
         let bvh = &self.bvh;
         let mut t_max = t_max;
         let mut state = bvh.new_traversal(ray.direction);
@@ -154,7 +172,7 @@ impl TriangleTree {
             .par_iter()
             .map(|(corners, _)| Aabb::from_points(&corners.map(Vec3A::from)))
             .collect();
-        let tree = Tree::build(&boxes);
+        let tree = Tree::build(boxes);
         let order = || tree.order().par_iter().map(|&i| &triangles[i as usize]);
         TriangleTree {
             corners: order().map(|(corners, _)| *corners).collect(),
@@ -169,7 +187,7 @@ impl TriangleTree {
         let prepared = TriangleRay::new(ray)?;
         let mut nearest: Option<(usize, TriangleHit)> = None;
         let mut limit = t_max;
-        self.tree.visit(&BoxRay::new(ray), t_max, |slot, t_max| {
+        self.tree.visit(ray, t_max, |slot, t_max| {
             if let Some(hit) = prepared.intersect(&self.corners[slot], limit)
                 && nearest.is_none_or(|(other, near)| hit.t < near.t || self.ids[slot] < self.ids[other])
             {
@@ -188,7 +206,7 @@ impl TriangleTree {
             return false;
         };
         let mut found = false;
-        self.tree.visit(&BoxRay::new(ray), ray.t_max, |slot, t_max| {
+        self.tree.visit(ray, ray.t_max, |slot, t_max| {
             found = prepared.intersect(&self.corners[slot], *t_max).is_some();
             found
         });
@@ -260,7 +278,7 @@ impl Accel for Obvhs {
             });
             boxes.push(world_box(mesh.bounds(), &to_world));
         }
-        let instance_tree = Tree::build(&boxes);
+        let instance_tree = Tree::build(boxes);
         let mut unordered: Vec<Option<Instance>> = instances.into_iter().map(Some).collect();
         Ok(Obvhs {
             world: TriangleTree::build(world),
@@ -289,7 +307,7 @@ impl Accel for Obvhs {
             .map(|(slot, hit)| to_hit(&self.world, slot, hit));
         if !self.instances.is_empty() && is_traceable(ray) {
             let t_max = nearest.map_or(ray.t_max, |hit| hit.t);
-            self.instance_tree.visit(&BoxRay::new(ray), t_max, |slot, t_max| {
+            self.instance_tree.visit(ray, t_max, |slot, t_max| {
                 let instance = &self.instances[slot];
                 let limit = nearest.map_or(ray.t_max, |near| near.t.next_up());
                 if let Some(tree) = &self.meshes[instance.mesh as usize]
@@ -312,7 +330,7 @@ impl Accel for Obvhs {
     fn occluded(&self, ray: &Ray) -> bool {
         let mut found = self.world.occluded(ray);
         if !found && !self.instances.is_empty() && is_traceable(ray) {
-            self.instance_tree.visit(&BoxRay::new(ray), ray.t_max, |slot, t_max| {
+            self.instance_tree.visit(ray, ray.t_max, |slot, t_max| {
                 let instance = &self.instances[slot];
                 found = self.meshes[instance.mesh as usize]
                     .as_ref()
