@@ -6,7 +6,9 @@
 //! Embree promises nothing at the ends of a segment (its triangle test counts a hit at `tfar`, and rounding may put one
 //! at `tnear`), so the open interval is enforced here.
 
+use super::triangle::LARGEST_COORDINATE;
 use super::{Accel, AccelError, BuildOptions, Geometry, Hit, Intersector, Ray};
+use crate::math::Vec3;
 use crate::mesh::TriangleMesh;
 use glam::{Affine3A, Vec4};
 use std::ffi::{CStr, CString, c_char, c_void};
@@ -353,10 +355,12 @@ impl Embree {
     }
 }
 
-/// Whether a ray is made of numbers and has an inside.
+/// Whether a ray is made of numbers, starts where Embree can compute, and has an inside. Beyond its limit Embree hits
+/// nothing, and a library built with assertions, as Debian's is, ends the process.
 #[inline]
 fn is_traceable(ray: &Ray, t_min: f32, t_max: f32) -> bool {
-    ray.origin.is_finite() && ray.direction.is_finite() && t_min < t_max
+    let is_within = |v: Vec3| v.abs().cmple(Vec3::splat(LARGEST_COORDINATE)).all();
+    is_within(ray.origin) && is_within(ray.direction) && t_min < t_max
 }
 
 /// The ends of the segment for an any-hit query: Embree may count hits at the ends, the trait does not, and there is no
