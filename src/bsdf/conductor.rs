@@ -1,7 +1,7 @@
 //! Metals: GGX microfacets with the exact Fresnel reflectance of a complex index.
 
 use super::microfacet::{Ggx, SMOOTH_ALPHA};
-use super::{BsdfEval, BsdfSample, reflect_z};
+use super::{BsdfEval, BsdfSample, eta2_minus_sin2, reflect_z};
 use crate::math::{Rgb, Vec3};
 
 /// A metal of complex index `eta + i k` per channel, relative to the outside.
@@ -25,15 +25,21 @@ impl Conductor {
         if wi.z <= 0.0 || self.is_smooth() {
             return BsdfEval::ZERO;
         }
+        match (wo + wi).try_normalize() {
+            Some(h) => self.reflect(wo, wi, h),
+            None => BsdfEval::ZERO,
+        }
+    }
+
+    /// Value and density of a reflection by the microfacets of normal `h`.
+    #[inline]
+    fn reflect(&self, wo: Vec3, wi: Vec3, h: Vec3) -> BsdfEval {
         let ggx = Ggx { alpha: self.alpha };
-        let Some(h) = (wo + wi).try_normalize() else {
-            return BsdfEval::ZERO;
-        };
         let d = ggx.d(h);
         // f cos θi = F D G2 / (4 cos θo), and the Jacobian of reflection is 1 / (4 wo·h).
-        let value = self.fresnel(wo.dot(h)) * (d * ggx.g2(wo, wi) / (4.0 * wo.z));
-        let pdf_w = ggx.g1(wo) * d / (4.0 * wo.z);
-        // At the last grazing ulps D and 1 / wo.z can overflow together; such a pair carries no light.
+        let value = self.fresnel(wo.dot(h)) * (0.25 * d * ggx.g2_over_cos(wo, wi));
+        let pdf_w = 0.25 * d * ggx.g1_over_cos(wo);
+        // Products of two denormal cosines vanish and leave 0 / 0; such a pair carries no light.
         if value.is_finite() && pdf_w.is_finite() {
             BsdfEval { value, pdf_w }
         } else {
@@ -49,7 +55,11 @@ impl Conductor {
         let ggx = Ggx { alpha: self.alpha };
         let h = ggx.sample_visible(wo, u);
         let wi = (h * (2.0 * wo.dot(h)) - wo).normalize();
-        let BsdfEval { value, pdf_w } = self.eval(wo, wi);
+        if wi.z <= 0.0 {
+            return None;
+        }
+        // By this very h: that of wo and wi is another one where the lobe is narrower than directions are rounded.
+        let BsdfEval { value, pdf_w } = self.reflect(wo, wi, h);
         (pdf_w > 0.0).then(|| BsdfSample {
             wi,
             weight: value / pdf_w,
@@ -75,12 +85,15 @@ impl Conductor {
 #[inline]
 fn fresnel_conductor(cos: f32, eta: f32, k: f32) -> f32 {
     let cos2 = cos * cos;
-    let sin2 = 1.0 - cos2;
-    let (eta2, k2) = (eta * eta, k * k);
-    let t0 = eta2 - k2 - sin2;
-    let a2_plus_b2 = (t0 * t0 + 4.0 * eta2 * k2).sqrt();
+    let sin2 = (1.0 - cos) * (1.0 + cos);
+    let eta_k2 = (eta * k) * (eta * k);
+    let t0 = eta2_minus_sin2(eta, cos) - k * k;
+    let a2_plus_b2 = (t0 * t0 + 4.0 * eta_k2).sqrt();
     let t1 = a2_plus_b2 + cos2;
-    let a = (0.5 * (a2_plus_b2 + t0)).max(0.0).sqrt();
+    // a² and b² are (√(t0² + 4 eta² k²) ± t0) / 2, and their product is eta² k²: the smaller one comes from the larger one,
+    // because the difference would be rounding error for large k.
+    let larger = 0.5 * (a2_plus_b2 + t0.abs());
+    let a = if t0 >= 0.0 { larger } else { eta_k2 / larger }.sqrt();
     let t2 = 2.0 * cos * a;
     let r_s = (t1 - t2) / (t1 + t2);
     let t3 = cos2 * a2_plus_b2 + sin2 * sin2;

@@ -1,7 +1,7 @@
 //! Glass: reflection and refraction at a smooth or rough interface (Walter et al. 2007).
 
 use super::microfacet::{Ggx, SMOOTH_ALPHA};
-use super::{BsdfEval, BsdfSample, reflect_z};
+use super::{BsdfEval, BsdfSample, eta2_minus_sin2, reflect_z};
 use crate::math::{Rgb, Vec3};
 
 /// A dielectric interface, colourless and without absorption.
@@ -27,29 +27,37 @@ impl Dielectric {
         }
         let reflects = wi.z > 0.0;
         let h = if reflects { wo + wi } else { wo + wi * self.eta };
-        let Some(h) = h.try_normalize() else {
-            return BsdfEval::ZERO;
-        };
+        let (h, length) = h.normalize_and_length();
         let h = if h.z < 0.0 { -h } else { h };
         let (wo_h, wi_h) = (wo.dot(h), wi.dot(h));
         // Both directions must see the same microfacet from the sides that they are on.
-        if wo_h <= 0.0 || (wi_h > 0.0) != reflects {
+        if length == 0.0 || wo_h <= 0.0 || (wi_h > 0.0) != reflects {
             return BsdfEval::ZERO;
         }
-        let ggx = Ggx { alpha: self.alpha };
         let fresnel = fresnel_dielectric(wo_h, self.eta);
-        let (share, jacobian) = if reflects {
-            (fresnel, 1.0 / (4.0 * wo_h))
+        if reflects {
+            self.scatter(wo, wi, h, fresnel, 0.25)
         } else {
-            let denominator = wi_h + wo_h / self.eta;
-            (1.0 - fresnel, -wi_h / (denominator * denominator))
-        };
-        let d = ggx.d(h);
+            self.scatter(wo, wi, h, 1.0 - fresnel, self.jacobian(wo_h, wi_h, length))
+        }
+    }
+
+    /// |dh/dwi| wo·h under refraction, where `sum` is wo·h + eta wi·h: the length of the vector that h is the direction of.
+    #[inline]
+    fn jacobian(&self, wo_h: f32, wi_h: f32, sum: f32) -> f32 {
+        -wi_h * wo_h * (self.eta * self.eta) / (sum * sum)
+    }
+
+    /// Value and density of a pair of directions that the microfacets of normal `h` make with this `share` of the light,
+    /// and with |dh/dwi| wo·h.
+    #[inline]
+    fn scatter(&self, wo: Vec3, wi: Vec3, h: Vec3, share: f32, jacobian: f32) -> BsdfEval {
+        let ggx = Ggx { alpha: self.alpha };
         // f cos θi = share D G2 (wo·h) |dh/dwi| / cos θo; transmitted radiance is scaled by the change of solid angle.
-        let common = share * d * wo_h * jacobian / wo.z;
-        let scale = if reflects { 1.0 } else { 1.0 / (self.eta * self.eta) };
-        let value = common * ggx.g2(wo, wi) * scale;
-        let pdf_w = common * ggx.g1(wo);
+        let common = share * ggx.d(h) * jacobian;
+        let scale = if wi.z > 0.0 { 1.0 } else { radiance_scale(self.eta) };
+        let value = common * ggx.g2_over_cos(wo, wi) * scale;
+        let pdf_w = common * ggx.g1_over_cos(wo);
         if value.is_finite() && pdf_w.is_finite() {
             BsdfEval {
                 value: Rgb::splat(value),
@@ -70,7 +78,7 @@ impl Dielectric {
                 // The probability of the choice cancels the transmittance; what stays is the solid-angle factor.
                 BsdfSample::delta(
                     refract(wo, Vec3::Z, self.eta)?,
-                    Rgb::splat(1.0 / eta_squared),
+                    Rgb::splat(radiance_scale(self.eta)),
                     eta_squared,
                 )
             });
@@ -78,20 +86,44 @@ impl Dielectric {
         let ggx = Ggx { alpha: self.alpha };
         let h = ggx.sample_visible(wo, u);
         let wo_h = wo.dot(h);
-        let (wi, eta_squared) = if lobe < fresnel_dielectric(wo_h, self.eta) {
+        let fresnel = fresnel_dielectric(wo_h, self.eta);
+        // Value and density by this very h: that of wo and wi is another one where the lobe is narrower than directions are
+        // rounded.
+        let (wi, eval, eta_squared) = if lobe < fresnel {
             let wi = (h * (2.0 * wo_h) - wo).normalize();
-            (wi.z > 0.0).then_some((wi, 1.0))?
+            if wi.z <= 0.0 {
+                return None;
+            }
+            (wi, self.scatter(wo, wi, h, fresnel, 0.25), 1.0)
         } else {
+            let cos_t = cos_transmitted(wo_h, self.eta)?;
             let wi = refract(wo, h, self.eta)?;
-            (wi.z < 0.0).then_some((wi, eta_squared))?
+            if wi.z >= 0.0 {
+                return None;
+            }
+            let jacobian = self.jacobian(wo_h, -cos_t, half_length(wo_h, cos_t, self.eta));
+            (wi, self.scatter(wo, wi, h, 1.0 - fresnel, jacobian), eta_squared)
         };
-        let BsdfEval { value, pdf_w } = self.eval(wo, wi);
-        (pdf_w > 0.0).then(|| BsdfSample {
+        (eval.pdf_w > 0.0).then(|| BsdfSample {
             wi,
-            weight: value / pdf_w,
-            pdf_w,
+            weight: eval.value / eval.pdf_w,
+            pdf_w: eval.pdf_w,
             eta_squared,
         })
+    }
+}
+
+/// Factor on transmitted radiance, 1 / eta². That of the way back is taken from the same number, so that the two cancel to
+/// an ulp: a reciprocal taken three times is the reciprocal. Of eta² on one side and (1 / eta)² on the other the product is
+/// off by up to three ulps, always to the same side, and adds up over the life of a path.
+#[inline]
+fn radiance_scale(eta: f32) -> f32 {
+    let inverse = 1.0 / eta;
+    if eta < 1.0 {
+        inverse * inverse
+    } else {
+        let eta = 1.0 / inverse;
+        1.0 / (eta * eta)
     }
 }
 
@@ -100,26 +132,34 @@ impl Dielectric {
 #[inline]
 pub(super) fn fresnel_dielectric(cos: f32, eta: f32) -> f32 {
     let cos = cos.clamp(0.0, 1.0);
-    let sin2_t = (1.0 - cos * cos) / (eta * eta);
-    if sin2_t >= 1.0 {
+    let Some(cos_t) = cos_transmitted(cos, eta) else {
         return 1.0;
-    }
-    let cos_t = (1.0 - sin2_t).sqrt();
+    };
     let r_parallel = (eta * cos - cos_t) / (eta * cos + cos_t);
     let r_perpendicular = (cos - eta * cos_t) / (cos + eta * cos_t);
     0.5 * (r_parallel * r_parallel + r_perpendicular * r_perpendicular)
+}
+
+/// Cosine of the refracted ray, or `None` under total internal reflection.
+#[inline]
+fn cos_transmitted(cos: f32, eta: f32) -> Option<f32> {
+    let scaled = eta2_minus_sin2(eta, cos);
+    (scaled > 0.0).then(|| scaled.sqrt() / eta)
+}
+
+/// wo·h + eta wi·h of a refracted pair: the length of wo + eta wi, with the sign that makes it a multiple of `h`. By
+/// (wo·h)² − (eta wi·h)² = 1 − eta², because the sum itself is rounding error for eta near 1.
+#[inline]
+fn half_length(cos: f32, cos_t: f32, eta: f32) -> f32 {
+    (1.0 - eta) * (1.0 + eta) / (cos + eta * cos_t)
 }
 
 /// Snell's law: the direction of the refracted ray, away from the surface, or `None` under total internal reflection.
 #[inline]
 fn refract(wo: Vec3, h: Vec3, eta: f32) -> Option<Vec3> {
     let cos = wo.dot(h);
-    let sin2_t = (1.0 - cos * cos).max(0.0) / (eta * eta);
-    if sin2_t >= 1.0 {
-        return None;
-    }
-    let cos_t = (1.0 - sin2_t).sqrt();
-    (h * (cos / eta - cos_t) - wo / eta).try_normalize()
+    let cos_t = cos_transmitted(cos, eta)?;
+    ((h * half_length(cos, cos_t, eta) - wo) / eta).try_normalize()
 }
 
 #[cfg(test)]

@@ -27,40 +27,38 @@ impl Ggx {
         1.0 / (PI * a2 * e * e)
     }
 
-    /// Smith's Λ.
+    /// |cos θ| (1 + 2 Λ), with Smith's Λ. Nothing is divided by the cosine, so that it serves to the last grazing ulp.
     #[inline]
-    fn lambda(self, w: Vec3) -> f32 {
-        let sin2 = w.x * w.x + w.y * w.y;
-        let tan2 = sin2 / (w.z * w.z);
-        if tan2.is_finite() {
-            0.5 * ((1.0 + self.alpha * self.alpha * tan2).sqrt() - 1.0)
-        } else {
-            f32::INFINITY
-        }
+    fn slant(self, w: Vec3) -> f32 {
+        (w.z * w.z + self.alpha * self.alpha * (w.x * w.x + w.y * w.y)).sqrt()
     }
 
-    /// G1: visible fraction of the normals.
+    /// G1 / cos θo: visible fraction of the normals, per projected area. At most 2 / (α sin θo).
     #[inline]
-    pub(super) fn g1(self, w: Vec3) -> f32 {
-        1.0 / (1.0 + self.lambda(w))
+    pub(super) fn g1_over_cos(self, wo: Vec3) -> f32 {
+        2.0 / (wo.z + self.slant(wo))
     }
 
-    /// G2, height-correlated. The same form serves two directions on opposite sides (as in pbrt): Heitz's own expression
-    /// for those is a beta function, and differs visibly only for both directions at grazing angles of a rough surface.
+    /// G2 / cos θo, height-correlated. The same form serves two directions on opposite sides (as in pbrt): Heitz's own
+    /// expression for those is a beta function, and differs visibly only for both directions at grazing angles of a rough
+    /// surface.
     #[inline]
-    pub(super) fn g2(self, wo: Vec3, wi: Vec3) -> f32 {
-        1.0 / (1.0 + self.lambda(wo) + self.lambda(wi))
+    pub(super) fn g2_over_cos(self, wo: Vec3, wi: Vec3) -> f32 {
+        let cos_i = wi.z.abs();
+        2.0 * cos_i / (self.slant(wo) * cos_i + self.slant(wi) * wo.z)
     }
 
     /// A normal visible from `wo` (`wo.z > 0`).
     #[inline]
     pub(super) fn sample_visible(self, wo: Vec3, [u, v]: [f32; 2]) -> Vec3 {
         let stretched = Vec3::new(wo.x * self.alpha, wo.y * self.alpha, wo.z).normalize();
-        let z = (1.0 - u) * (1.0 + stretched.z) - stretched.z;
-        let r = (1.0 - z * z).max(0.0).sqrt();
+        // The height of the sum is above zero and needs no sum: as one it would lose the digits of the widest normals.
+        let height = (1.0 - u) * (1.0 + stretched.z);
+        let z = height - stretched.z;
+        let r = ((1.0 - z) * (1.0 + z)).max(0.0).sqrt();
         let (sin, cos) = (TAU * v).sin_cos();
-        let cap = Vec3::new(r * cos, r * sin, z) + stretched;
-        Vec3::new(cap.x * self.alpha, cap.y * self.alpha, cap.z.max(0.0))
+        let (x, y) = (r * cos + stretched.x, r * sin + stretched.y);
+        Vec3::new(x * self.alpha, y * self.alpha, height)
             .try_normalize()
             .unwrap_or(Vec3::Z)
     }

@@ -29,15 +29,23 @@ impl Plastic {
         if wi.z <= 0.0 {
             return BsdfEval::ZERO;
         }
+        match (wo + wi).try_normalize() {
+            Some(h) => self.scatter(wo, wi, h),
+            None => BsdfEval::ZERO,
+        }
+    }
+
+    /// Value and density of a pair of directions with the half vector `h`.
+    #[inline]
+    fn scatter(&self, wo: Vec3, wi: Vec3, h: Vec3) -> BsdfEval {
         let through = (Rgb::WHITE - self.fresnel(wo.z)) * (Rgb::WHITE - self.fresnel(wi.z));
         let base = self.reflectance * through * (wi.z * FRAC_1_PI);
         let coat_share = self.coat_share(wo);
         let base_pdf_w = warp::cosine_hemisphere_pdf_w(wi.z) * (1.0 - coat_share);
         let coat = Ggx { alpha: self.alpha };
-        let h = (wo + wi).normalize();
-        let d = coat.d(h) / (4.0 * wo.z);
-        let value = base + self.fresnel(wo.dot(h)) * (d * coat.g2(wo, wi));
-        let pdf_w = base_pdf_w + coat.g1(wo) * d * coat_share;
+        let d = 0.25 * coat.d(h);
+        let value = base + self.fresnel(wo.dot(h)) * (d * coat.g2_over_cos(wo, wi));
+        let pdf_w = base_pdf_w + d * coat.g1_over_cos(wo) * coat_share;
         if value.is_finite() && pdf_w.is_finite() {
             BsdfEval { value, pdf_w }
         } else {
@@ -47,13 +55,18 @@ impl Plastic {
 
     #[inline]
     pub(super) fn sample(&self, wo: Vec3, lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
-        let wi = if lobe < self.coat_share(wo) {
+        let (wi, BsdfEval { value, pdf_w }) = if lobe < self.coat_share(wo) {
             let h = Ggx { alpha: self.alpha }.sample_visible(wo, u);
-            (h * (2.0 * wo.dot(h)) - wo).normalize()
+            let wi = (h * (2.0 * wo.dot(h)) - wo).normalize();
+            if wi.z <= 0.0 {
+                return None;
+            }
+            // By this very h: that of wo and wi is another one where both are grazing.
+            (wi, self.scatter(wo, wi, h))
         } else {
-            warp::cosine_hemisphere(u)
+            let wi = warp::cosine_hemisphere(u);
+            (wi, self.eval(wo, wi))
         };
-        let BsdfEval { value, pdf_w } = self.eval(wo, wi);
         (pdf_w > 0.0).then(|| BsdfSample {
             wi,
             weight: value / pdf_w,
