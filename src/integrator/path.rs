@@ -27,6 +27,11 @@ const ROULETTE_DEPTH: u32 = 4;
 /// Most that a path may survive a round of roulette by throughput with: white walls would else trap it for good.
 const MAX_SURVIVAL: f32 = 0.95;
 
+/// Least that a path may survive such a round with. However little a path carries, the emitter that it meets may be as much
+/// brighter; by throughput alone a path of 1e-12 would survive once in 1e12 samples, and the light that it brings be
+/// missing from every image. Of such paths, 1 in 400 survives two rounds.
+const MIN_SURVIVAL: f32 = 0.05;
+
 /// Rays traced, by purpose.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RayCounts {
@@ -124,6 +129,22 @@ impl Batch {
     pub fn results(&self) -> impl Iterator<Item = (SampleId, Rgb)> {
         let radiance = self.radiance.iter().map(|sum| Rgb::from(sum.to_array()));
         self.samples.iter().copied().zip(radiance)
+    }
+}
+
+/// The probability that random numbers, which are multiples of 2⁻²⁴, meet exactly: `p` rounded down to the next, but not to
+/// 0. Any other would be met by too many; one below 2⁻²⁴ by the number 0, at a weight of 1 / `p`.
+#[inline]
+fn drawable(p: f32) -> f32 {
+    const STEPS: f32 = 16_777_216.0;
+    ((p * STEPS) as i32).max(i32::from(p > 0.0)) as f32 / STEPS
+}
+
+/// Adds what an emitter sends along a path to its sample. Most surfaces send nothing.
+#[inline(always)]
+fn add(radiance: &mut [DVec3], path: &Path, emitted: Rgb) {
+    if !emitted.is_black() {
+        radiance[path.sample as usize] += wide(path.throughput * emitted);
     }
 }
 
@@ -277,8 +298,8 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
         for (i, point) in &batch.lookups {
             let path = &batch.paths[*i as usize];
             let (radiance, light_pdf_w) = self.scene.lights.environment_lookup(environment, point);
-            batch.radiance[path.sample as usize] +=
-                wide(path.throughput * (radiance * self.hit_weight(&path.bounce, light_pdf_w)));
+            let light = radiance * self.hit_weight(&path.bounce, light_pdf_w);
+            batch.radiance[path.sample as usize] += wide(path.throughput * light);
         }
     }
 
@@ -287,7 +308,7 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
         for ((path, ray), hit) in batch.paths.iter().zip(&batch.rays).zip(&batch.hits) {
             let Some(hit) = hit else { continue };
             if let Some(si) = self.interaction(ray, hit) {
-                batch.radiance[path.sample as usize] += wide(path.throughput * self.emitted(hit, &si, &path.bounce));
+                add(&mut batch.radiance, path, self.emitted(hit, &si, &path.bounce));
             }
         }
     }
@@ -385,7 +406,7 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
         let mut path = batch.paths[i];
         let si = self.interaction(&batch.rays[i], &hit)?;
         if Self::AREA_LIGHTS {
-            batch.radiance[path.sample as usize] += wide(path.throughput * self.emitted(&hit, &si, &path.bounce));
+            add(&mut batch.radiance, &path, self.emitted(&hit, &si, &path.bounce));
         }
         let bsdf = self.bsdf(&hit, &si);
         if bsdf.is_black() {
@@ -520,9 +541,9 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
         }
         match self.settings.roulette {
             Roulette::Off => 1.0,
-            Roulette::Fixed(survival) => survival,
+            Roulette::Fixed(survival) => drawable(survival),
             Roulette::Throughput if depth < ROULETTE_DEPTH => 1.0,
-            Roulette::Throughput => (carried * eta_squared).min(MAX_SURVIVAL),
+            Roulette::Throughput => (carried * eta_squared).max(MIN_SURVIVAL).min(MAX_SURVIVAL),
         }
     }
 
@@ -593,5 +614,31 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
             return 1.0;
         }
         material.opacity(&self.scene.textures, texture_coordinates(&self.scene.geometry, hit))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn probabilities_are_met_by_exactly_as_many_random_numbers() {
+        let step = 1.0 / 16_777_216.0;
+        for p in [
+            f32::MIN_POSITIVE,
+            1e-9,
+            step,
+            1.5 * step,
+            1e-6,
+            0.05,
+            0.3,
+            MAX_SURVIVAL,
+            1f32.next_down(),
+        ] {
+            let met = drawable(p);
+            assert!(met > 0.0 && met < 1.0 && (met - p).abs() <= step, "{p} {met}");
+            assert_eq!((met / step).fract(), 0.0, "{p} {met}");
+        }
+        assert_eq!([0.0, f32::NAN].map(drawable), [0.0; 2]);
     }
 }
