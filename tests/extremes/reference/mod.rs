@@ -22,8 +22,9 @@ use embrace::scene::{Scene, SceneDesc};
 use geometry::Interaction;
 use light::{LightSample, Lights};
 
-/// Scattering events before roulette, and the most that a path may survive a round with.
+/// Scattering events before roulette, and the least and the most that a path may survive a round with.
 const ROULETTE_DEPTH: u32 = 4;
+const MIN_SURVIVAL: f64 = 0.05;
 const MAX_SURVIVAL: f64 = 0.95;
 
 /// A scene, ready for the estimator.
@@ -142,7 +143,7 @@ impl<'a> Reference<'a> {
             throughput *= sample.weight;
             eta_squared *= sample.eta_squared;
             if depth + 1 >= ROULETTE_DEPTH {
-                let survival = (throughput.max_element() * eta_squared).min(MAX_SURVIVAL);
+                let survival = (throughput.max_element() * eta_squared).clamp(MIN_SURVIVAL, MAX_SURVIVAL);
                 let u = f64::from(sampler.get_1d(Dimension::Roulette));
                 vertex.margins.roulette = (u / survival - 1.0).abs();
                 if u >= survival {
