@@ -86,10 +86,10 @@ struct Sum {
 impl Sum {
     #[inline]
     fn add(&mut self, x: [f64; 3]) {
-        for c in 0..3 {
-            let sum = self.rounded[c] + x[c];
+        for (c, x) in x.into_iter().enumerate() {
+            let sum = self.rounded[c] + x;
             let from_x = sum - self.rounded[c];
-            self.error[c] += (self.rounded[c] - (sum - from_x)) + (x[c] - from_x);
+            self.error[c] += (self.rounded[c] - (sum - from_x)) + (x - from_x);
             self.rounded[c] = sum;
         }
     }

@@ -534,6 +534,7 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
 
     /// The probability that the path goes on after its `depth`-th scattering event.
     #[inline]
+    #[allow(clippy::manual_clamp, reason = "clamp keeps NaN, and a path of NaN would never end")]
     fn survival(&self, throughput: Rgb, eta_squared: f32, depth: u32) -> f32 {
         let carried = throughput.max_component();
         if carried <= 0.0 {

@@ -3,12 +3,18 @@
 #[path = "../support/mod.rs"]
 mod support;
 
+mod accumulation;
 mod degenerate;
 mod environment;
+mod exact;
+mod furnace;
 mod intersections;
 mod irradiance;
 mod lights;
 mod many_lights;
+mod materials;
+mod paths;
 mod placement;
 mod precision;
 mod reference;
+mod roulette;
