@@ -8,21 +8,23 @@
 //! through compressed wide BVHs") is traversed by its own macro, but with `children_hit` in place of its node test,
 //! which drops boxes that the ray leaves before an absolute distance of 1e-4 and lets rounding drop others.
 
+mod build;
+
 use super::triangle::{self, TriangleHit, TriangleRay};
 use super::{Accel, AccelError, BuildOptions, Geometry, Hit, Intersector, Ray};
 use crate::math::Vec3;
 use glam::{DAffine3, UVec2, Vec3A, Vec4};
-use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::cwbvh::CwBvh;
-use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::cwbvh::node::CwBvhNode;
 use rayon::prelude::*;
-use std::time::Duration;
 
 /// Rounding of the node test, relative to the distance of the far side of the node: some ten roundings of 2^-24, and the
 /// crate's logarithm that chooses the grid of a node, off by up to 7e-7. Far below the 1/255 of the grid itself.
 const ROUNDING: f32 = 2e-6;
+
+/// Boxes are wider than this, in sizes of the tree, so that areas do not vanish in f32.
+const SMALLEST: f32 = 1e-15;
 
 /// Stands for the reciprocal of a zero, so that no product with a zero distance is undefined. In sizes of the tree: from up
 /// to 1e8 of them away, no product is infinite.
@@ -96,7 +98,7 @@ fn children_hit(node: &CwBvhNode, ray: &BoxRay, t_max: f32, octant: u32) -> u32 
 }
 
 /// A tree over boxes, in a frame where the largest coordinate is between 1 and 2: the crate multiplies areas by numbers of
-/// triangles, which at 1e15 leaves f32 and the tree is wrong, and compares boxes to an absolute 1e-5.
+/// triangles, which leaves f32 from coordinates of 1e15 on, and the tree is wrong.
 #[derive(Default)]
 struct Tree {
     bvh: CwBvh,
@@ -117,10 +119,10 @@ impl Tree {
         // The exponent with its sign turned, as far as a normal number has it.
         let scale = f32::from_bits((254 - (largest.max_element().to_bits() >> 23).clamp(1, 253)) << 23);
         for b in &mut boxes {
-            *b = Aabb::new(clamp(b.min) * scale, clamp(b.max) * scale);
+            *b = Aabb::new(clamp(b.min) * scale - SMALLEST, clamp(b.max) * scale + SMALLEST);
         }
         Tree {
-            bvh: build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Duration::default()),
+            bvh: build::shallow(&boxes),
             scale,
         }
     }
