@@ -38,7 +38,7 @@ fn corpus(target: &str) -> Vec<(String, Vec<u8>)> {
 }
 
 /// Runs a check and says which input was the matter if it fails; that input is kept under `target/`.
-fn run(target: &str, check: fn(&[u8]), what: &str, data: &[u8]) {
+fn run(target: &str, check: checks::Check, what: &str, data: &[u8]) {
     let start = Instant::now();
     let result = catch_unwind(AssertUnwindSafe(|| check(data)));
     let is_slow = start.elapsed() > LIMIT;

@@ -9,8 +9,11 @@ pub(crate) mod triangles;
 
 mod folder;
 
+/// Panics if something does not hold for the bytes.
+pub(crate) type Check = fn(&[u8]);
+
 /// Every check by the name of its fuzz target and of its folder of the corpus.
-pub(crate) const ALL: [(&str, fn(&[u8])); 5] = [
+pub(crate) const ALL: [(&str, Check); 5] = [
     ("alias", alias::check),
     ("environment", environment::check),
     ("obj", obj::check),
