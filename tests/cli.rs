@@ -362,6 +362,15 @@ fn a_damaged_mesh_is_named_with_the_line() {
     }
 }
 
+#[cfg(unix)]
+#[test]
+fn a_device_in_place_of_a_file_is_refused_and_not_read_for_ever() {
+    let mesh = FLOOR.replace("floor.obj", "/dev/zero");
+    scene_is_refused(&[CAMERA, SKY, RED, &mesh].concat(), &["/dev/zero", "regular file"]);
+    let texture = RED.replace("rgb = [0.7, 0.2, 0.1]", "texture = \"/dev/zero\"");
+    scene_is_refused(&[CAMERA, SKY, &texture, FLOOR].concat(), &["/dev/zero", "regular file"]);
+}
+
 #[test]
 fn a_damaged_image_is_named() {
     let sky = Image::filled(8, 4, Rgb::WHITE);

@@ -20,11 +20,11 @@ pub mod triangle;
 /// A ray segment: the open interval (`t_min`, `t_max`) along a unit direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
-    /// Start point, in world coordinates.
+    /// Start point, in world coordinates; from beyond [`triangle::LARGEST_COORDINATE`] a backend may hit nothing.
     pub origin: Vec3,
     /// Unit direction.
     pub direction: Vec3,
-    /// Hits at or before this distance do not count. Usually 0: origins are already off their surface.
+    /// Hits at or before this distance do not count; 0 or more. Usually 0: origins are already off their surface.
     pub t_min: f32,
     /// Hits at or beyond this distance do not count; may be infinite.
     pub t_max: f32,

@@ -20,8 +20,8 @@ const MAX_SCALE: f64 = 1e15;
 /// Largest part of a complex index; its fourth power is still within f32.
 const MAX_INDEX: f64 = 1e6;
 
-/// Largest coordinate and length of the camera, which renders in f32.
-const MAX_LENGTH: f64 = 1e30;
+/// Largest coordinate and length of the camera: rays from farther away hit nothing.
+const MAX_LENGTH: f64 = 1e18;
 
 /// A scene file as written.
 #[derive(Debug)]

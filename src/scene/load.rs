@@ -166,8 +166,23 @@ fn framing(low: DVec3, high: DVec3) -> CameraDesc {
     }
 }
 
+/// Opens a file that has an end: a device or a pipe that a scene names could be read, or waited for, for ever.
+fn open(path: &Path) -> io::Result<File> {
+    if fs::metadata(path)?.is_file() {
+        File::open(path)
+    } else {
+        Err(io::Error::new(io::ErrorKind::InvalidInput, "it is not a regular file"))
+    }
+}
+
+fn read_bytes(path: &Path) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    open(path)?.read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
 fn read_file(path: &Path) -> Result<Vec<u8>, LoadError> {
-    fs::read(path).map_err(|source| LoadError::Read {
+    read_bytes(path).map_err(|source| LoadError::Read {
         path: path.to_owned(),
         source,
     })
@@ -189,7 +204,7 @@ impl<R: Read> Read for Hashing<R> {
 
 /// A mesh file and the hash over it and its material libraries.
 fn read_obj(path: &Path) -> Result<(ObjScene, blake3::Hash), LoadError> {
-    let file = File::open(path).map_err(|source| LoadError::Read {
+    let file = open(path).map_err(|source| LoadError::Read {
         path: path.to_owned(),
         source,
     })?;
@@ -200,7 +215,7 @@ fn read_obj(path: &Path) -> Result<(ObjScene, blake3::Hash), LoadError> {
     let mut libraries = blake3::Hasher::new();
     let base = path.parent().unwrap_or(Path::new(""));
     let scene = obj::read(path, BufReader::with_capacity(1 << 20, &mut reader), |name| {
-        let bytes = fs::read(base.join(name))?;
+        let bytes = read_bytes(&base.join(name))?;
         libraries.update(&bytes);
         Ok(bytes)
     })?;

@@ -37,9 +37,13 @@ fn scaled(mut desc: SceneDesc, scale: f64) -> SceneDesc {
     place(desc, DAffine3::from_scale(DVec3::splat(scale)))
 }
 
-fn moved(mut desc: SceneDesc, by: DVec3) -> SceneDesc {
+fn move_camera(desc: &mut SceneDesc, by: DVec3) {
     desc.camera.position += by;
     desc.camera.look_at += by;
+}
+
+fn moved(mut desc: SceneDesc, by: DVec3) -> SceneDesc {
+    move_camera(&mut desc, by);
     place(desc, DAffine3::from_translation(by))
 }
 
@@ -52,8 +56,7 @@ fn place(mut desc: SceneDesc, transform: DAffine3) -> SceneDesc {
 
 /// The same scene with the translation in the vertices instead of the transforms.
 fn baked(mut desc: SceneDesc, by: DVec3) -> SceneDesc {
-    desc.camera.position += by;
-    desc.camera.look_at += by;
+    move_camera(&mut desc, by);
     for object in &mut desc.objects {
         let mut mesh = (*desc.meshes[object.mesh]).clone();
         let to_vertices = object.to_world.inverse().transform_vector3(by);
