@@ -366,9 +366,11 @@ fn a_damaged_mesh_is_named_with_the_line() {
 #[test]
 fn a_device_in_place_of_a_file_is_refused_and_not_read_for_ever() {
     let mesh = FLOOR.replace("floor.obj", "/dev/zero");
-    scene_is_refused(&[CAMERA, SKY, RED, &mesh].concat(), &["/dev/zero", "regular file"]);
     let texture = RED.replace("rgb = [0.7, 0.2, 0.1]", "texture = \"/dev/zero\"");
-    scene_is_refused(&[CAMERA, SKY, &texture, FLOOR].concat(), &["/dev/zero", "regular file"]);
+    for scene in [[CAMERA, SKY, RED, &mesh], [CAMERA, SKY, &texture, FLOOR]] {
+        let folder = Folder::with(&scene.concat());
+        folder.refused("render scene.toml -o out.png", 3, &["/dev/zero", "regular file"]);
+    }
 }
 
 #[test]

@@ -99,7 +99,11 @@ pub fn load(path: &Path, options: LoadOptions) -> Result<SceneDesc, LoadError> {
 }
 
 fn load_scene_file(path: &Path, is_toml: bool) -> Result<SceneDesc, LoadError> {
-    let bytes = read_file(path)?;
+    // May be a pipe: who names it waits for it.
+    let bytes = fs::read(path).map_err(|source| LoadError::Read {
+        path: path.to_owned(),
+        source,
+    })?;
     let syntax = |message: String| LoadError::Syntax {
         path: path.to_owned(),
         message,
@@ -166,7 +170,7 @@ fn framing(low: DVec3, high: DVec3) -> CameraDesc {
     }
 }
 
-/// Opens a file that has an end: a device or a pipe that a scene names could be read, or waited for, for ever.
+/// Opens a file that a scene names and that has an end: a device or a pipe could be read, or waited for, for ever.
 fn open(path: &Path) -> io::Result<File> {
     if fs::metadata(path)?.is_file() {
         File::open(path)
