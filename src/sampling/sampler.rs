@@ -46,23 +46,27 @@ pub enum Dimension {
 const BOUNCE_STRIDE: u32 = 64;
 
 /// The random numbers of one sample of one pixel.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Sampler {
-    kind: SamplerKind,
-    key: u64,
+    /// Which numbers.
+    pub kind: SamplerKind,
+    /// Of the seed and the pixel.
+    pub key: [u32; 2],
     /// Of the sample; bit-reversed, as [`owen`] wants it, for Sobol points.
-    index: u32,
-    bounce: u32,
+    pub index: u32,
+    /// Whose dimensions come next: 0 is the camera ray and the first vertex.
+    pub bounce: u32,
 }
 
 impl Sampler {
     /// The numbers of sample `index` of the pixel in column `x`, row `y` of the full image.
-    #[inline]
+    #[inline(always)]
     pub fn new(kind: SamplerKind, seed: u64, x: u32, y: u32, index: u32) -> Sampler {
-        let pixel = u64::from(y) << 32 | u64::from(x);
+        let [a, b, c] = hash([seed as u32, (seed >> 32) as u32, 0x5851_F42D]);
+        let [key_0, key_1, _] = hash([a ^ x, b ^ y, c]);
         Sampler {
             kind,
-            key: mix(mix(seed ^ 0x5851_F42D_4C95_7F2D) ^ pixel),
+            key: [key_0, key_1],
             index: match kind {
                 SamplerKind::Sobol => index.reverse_bits(),
                 SamplerKind::Independent => index,
@@ -82,12 +86,7 @@ impl Sampler {
     pub fn get_2d(&self, dimension: Dimension) -> [f32; 2] {
         let (index, first, second) = self.keys(dimension as u32);
         match self.kind {
-            SamplerKind::Sobol => {
-                // Both reversed at once.
-                let point = u64::from(owen(pascal(index), second)) << 32 | u64::from(owen(index, first));
-                let reversed = point.reverse_bits();
-                [(reversed >> 32) as u32, reversed as u32].map(unit_f32)
-            }
+            SamplerKind::Sobol => [owen(index, first), owen(pascal(index), second)].map(|x| unit_f32(x.reverse_bits())),
             SamplerKind::Independent => [first, second].map(unit_f32),
         }
     }
@@ -95,29 +94,35 @@ impl Sampler {
     /// One number in [0, 1).
     #[inline(always)]
     pub fn get_1d(&self, dimension: Dimension) -> f32 {
-        unit_f32(self.bits(dimension as u32).0)
+        unit_f32(self.bits(dimension as u32)[0])
     }
 
     /// 64 bits for a discrete choice. The high half is stratified, the low half only refines it.
     #[inline(always)]
     pub fn get_u64(&self, dimension: Dimension) -> u64 {
-        let (high, low) = self.bits(dimension as u32);
+        let [high, low] = self.get_bits(dimension);
         u64::from(high) << 32 | u64::from(low)
     }
 
     /// A number in [0, 1) for the `n`-th partly transparent surface that a ray of this bounce meets.
     #[inline]
     pub fn get_opacity(&self, n: u32) -> f32 {
-        unit_f32(self.bits(Dimension::Opacity as u32 + n).0)
+        unit_f32(self.bits(Dimension::Opacity as u32 + n)[0])
+    }
+
+    /// The halves of [`Sampler::get_u64`], the high one first.
+    #[inline(always)]
+    pub fn get_bits(&self, dimension: Dimension) -> [u32; 2] {
+        self.bits(dimension as u32)
     }
 
     /// 32 stratified bits, and 32 that are random for each index but not stratified.
     #[inline(always)]
-    fn bits(&self, offset: u32) -> (u32, u32) {
+    fn bits(&self, offset: u32) -> [u32; 2] {
         let (index, first, second) = self.keys(offset);
         match self.kind {
-            SamplerKind::Sobol => (owen(index, first).reverse_bits(), owen(index ^ second, second)),
-            SamplerKind::Independent => (first, second),
+            SamplerKind::Sobol => [owen(index, first).reverse_bits(), owen(index ^ second, second)],
+            SamplerKind::Independent => [first, second],
         }
     }
 
@@ -125,38 +130,37 @@ impl Sampler {
     /// last two are the random bits.
     #[inline(always)]
     fn keys(&self, offset: u32) -> (u32, u32, u32) {
-        let dimension = u64::from(self.bounce) * u64::from(BOUNCE_STRIDE) + u64::from(offset);
+        let dimension = self.bounce.wrapping_mul(BOUNCE_STRIDE).wrapping_add(offset);
         match self.kind {
             SamplerKind::Sobol => {
-                let h = mix(self.key ^ dimension.wrapping_mul(0x9E37_79B9_7F4A_7C15));
-                let (shuffle, scramble) = (h as u32, (h >> 32) as u32);
-                let index = owen(self.index, shuffle).reverse_bits();
-                (
-                    index,
-                    scramble,
-                    scramble.wrapping_mul(0x9E37_79B1) ^ shuffle.rotate_left(16),
-                )
+                let [shuffle, first, second] = hash([self.key[0], self.key[1], dimension]);
+                (owen(self.index, shuffle).reverse_bits(), first, second)
             }
             SamplerKind::Independent => {
-                let h = mix(self.key ^ mix(dimension << 32 | u64::from(self.index)));
-                (self.index, h as u32, (h >> 32) as u32)
+                let [a, b, _] = hash([self.key[0], self.key[1], self.index]);
+                let [first, second, _] = hash([a, b, dimension]);
+                (self.index, first, second)
             }
         }
     }
 }
 
-/// A 64-bit finaliser of full avalanche (SplitMix64's, Steele et al. 2014).
-#[inline]
-fn mix(x: u64) -> u64 {
-    let x = x.wrapping_add(0x9E37_79B9_7F4A_7C15);
-    let x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    let x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    x ^ (x >> 31)
+/// Three random numbers of three: a hash that vector units are good at (pcg3d of Jarzynski and Olano 2020).
+#[inline(always)]
+fn hash([x, y, z]: [u32; 3]) -> [u32; 3] {
+    let mix = |[mut x, mut y, mut z]: [u32; 3]| {
+        x = x.wrapping_add(y.wrapping_mul(z));
+        y = y.wrapping_add(z.wrapping_mul(x));
+        z = z.wrapping_add(x.wrapping_mul(y));
+        [x, y, z]
+    };
+    let spread = [x, y, z].map(|v| v.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
+    mix(mix(spread).map(|v| v ^ (v >> 16)))
 }
 
 /// Owen scrambling of a bit-reversed number: each bit is flipped by a hash of the bits below it (Laine and Karras 2011,
 /// in the form with better constants that Burley 2020 points to).
-#[inline]
+#[inline(always)]
 fn owen(mut x: u32, seed: u32) -> u32 {
     x ^= x.wrapping_mul(0x3D20_ADEA);
     x = x.wrapping_add(seed);
@@ -168,7 +172,7 @@ fn owen(mut x: u32, seed: u32) -> u32 {
 
 /// The second Sobol dimension of an index, bit-reversed. Its generator matrix is Pascal's triangle modulo 2: digit `j` is
 /// the exclusive or of the index bits `k` whose binary digits include those of `j`, five masked shifts.
-#[inline]
+#[inline(always)]
 fn pascal(mut x: u32) -> u32 {
     x ^= (x >> 1) & 0x5555_5555;
     x ^= (x >> 2) & 0x3333_3333;
@@ -179,9 +183,10 @@ fn pascal(mut x: u32) -> u32 {
 }
 
 /// The 24 high bits as a float in [0, 1): never 1.
-#[inline]
+#[inline(always)]
 fn unit_f32(bits: u32) -> f32 {
-    (bits >> 8) as f32 * (1.0 / 16_777_216.0)
+    // By way of a signed number, which every vector unit converts.
+    (bits >> 8) as i32 as f32 * (1.0 / 16_777_216.0)
 }
 
 #[cfg(test)]
