@@ -127,7 +127,7 @@ impl Camera {
     }
 
     /// The ray through a point of pixel (`x`, `y`): `jitter` in [0, 1)² from its upper left corner, `lens` in [0, 1)².
-    #[inline]
+    #[inline(always)]
     pub fn ray(&self, x: u32, y: u32, jitter: [f32; 2], lens: [f32; 2]) -> Ray {
         let ndc_x = 2.0 * (x as f32 + jitter[0]) / self.resolution[0] as f32 - 1.0;
         let ndc_y = 1.0 - 2.0 * (y as f32 + jitter[1]) / self.resolution[1] as f32;

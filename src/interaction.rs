@@ -22,6 +22,7 @@
 
 use crate::accel::{Geometry, Hit, Ray};
 use crate::math::{Frame, Vec2, Vec3};
+use glam::Affine3A;
 
 /// Bound on the rounding of a coordinate, relative to the largest that it is computed from: 2⁻²⁰, eight ulps. Interpolation
 /// takes three roundings; instance transforms and the backends' own arithmetic the rest.
@@ -43,8 +44,6 @@ pub struct SurfaceInteraction {
     pub frame: Frame,
     /// Whether `wo` is on the front side: corners counter-clockwise.
     pub front: bool,
-    /// Texture coordinates; the barycentric ones where the mesh has none.
-    pub uv: Vec2,
     /// How far `p` may be off the triangle because of rounding between its corners.
     pub p_error: f32,
     /// From `p` to the curved surface on the side of `wo`; zero without smooth normals.
@@ -57,15 +56,23 @@ const NEEDLE: f32 = 1e-4;
 
 /// The unit normal of a triangle by its winding; `None` if it has none.
 #[inline]
-pub fn face_normal([a, b, c]: [Vec3; 3]) -> Option<Vec3> {
+pub fn face_normal(corners: [Vec3; 3]) -> Option<Vec3> {
+    let (normal, is_plain) = plain_face_normal(corners);
+    if is_plain {
+        return Some(normal);
+    }
+    extreme_face_normal(corners)
+}
+
+/// The same in f32, and whether that is exact enough.
+#[inline(always)]
+fn plain_face_normal([a, b, c]: [Vec3; 3]) -> (Vec3, bool) {
     let edges = [b - a, c - a];
     let cross = edges[0].cross(edges[1]);
     let length_squared = cross.length_squared();
-    let is_plain = length_squared > NEEDLE * edges[0].length_squared() * edges[1].length_squared();
-    if is_plain && length_squared > 1e-30 && length_squared < 1e30 {
-        return Some(cross * (1.0 / length_squared.sqrt()));
-    }
-    extreme_face_normal([a, b, c])
+    let is_wide = length_squared > NEEDLE * edges[0].length_squared() * edges[1].length_squared();
+    let is_plain = is_wide & (length_squared > 1e-30) & (length_squared < 1e30);
+    (cross * (1.0 / length_squared.sqrt()), is_plain)
 }
 
 /// The normal of a needle, in f64, and of a triangle so small or large that squares leave the f32 range: a power of two
@@ -90,14 +97,14 @@ fn extreme_face_normal(corners: [Vec3; 3]) -> Option<Vec3> {
 }
 
 /// The largest coordinate of the corners on each axis.
-#[inline]
+#[inline(always)]
 pub fn largest_coordinates([a, b, c]: [Vec3; 3]) -> Vec3 {
     a.abs().max(b.abs()).max(c.abs())
 }
 
 /// How far a point of a triangle of these [`largest_coordinates`] and the unit normal `n` may be off it because of rounding
 /// between its corners.
-#[inline]
+#[inline(always)]
 pub fn position_error(largest: Vec3, n: Vec3) -> f32 {
     largest.dot(n.abs()) * POSITION_ERROR
 }
@@ -132,10 +139,91 @@ pub fn texture_coordinates(geometry: &Geometry, hit: &Hit) -> Vec2 {
     a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v
 }
 
+/// The triangle of a hit, in world coordinates, with what shading takes from its mesh: all that has to be fetched.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShadingTriangle {
+    /// Corners.
+    pub corners: [Vec3; 3],
+    /// Unit vertex normals; zero where the mesh has none to shade with.
+    pub normals: [Vec3; 3],
+    /// 1, or -1 where a transform mirrors: which way the winding goes.
+    pub orientation: f32,
+}
+
+impl ShadingTriangle {
+    /// The triangle of `hit`. `SMOOTH` allows vertex normals.
+    #[inline(always)]
+    pub fn new<const SMOOTH: bool>(geometry: &Geometry, hit: &Hit) -> ShadingTriangle {
+        let placement = &geometry.placements[hit.placement as usize];
+        let mesh = &*geometry.meshes[placement.mesh as usize];
+        let [a, b, c] = mesh.indices[hit.triangle as usize];
+        let (a, b, c) = (a as usize, b as usize, c as usize);
+        let mut triangle = ShadingTriangle {
+            corners: [mesh.positions[a], mesh.positions[b], mesh.positions[c]],
+            normals: [Vec3::ZERO; 3],
+            orientation: 1.0,
+        };
+        if SMOOTH && !mesh.normals.is_empty() {
+            triangle.normals = [mesh.normals[a], mesh.normals[b], mesh.normals[c]];
+        }
+        if let Some(to_world) = &placement.to_world {
+            triangle.place::<SMOOTH>(to_world);
+        }
+        // A normal that could not be repaired is zero: the face normal serves for its whole triangle.
+        if SMOOTH && triangle.normals.contains(&Vec3::ZERO) {
+            triangle.normals = [Vec3::ZERO; 3];
+        }
+        triangle
+    }
+
+    fn place<const SMOOTH: bool>(&mut self, to_world: &Affine3A) {
+        self.corners = self.corners.map(|p| to_world.transform_point3(p));
+        let m = to_world.matrix3;
+        self.orientation = m.determinant().signum();
+        if SMOOTH {
+            // The cofactor matrix: the inverse transpose up to a positive factor and the sign of a mirroring.
+            let cofactor = |n: Vec3| {
+                let v = Vec3::from(m.y_axis.cross(m.z_axis)) * n.x
+                    + Vec3::from(m.z_axis.cross(m.x_axis)) * n.y
+                    + Vec3::from(m.x_axis.cross(m.y_axis)) * n.z;
+                (v * self.orientation).try_normalize().unwrap_or(Vec3::ZERO)
+            };
+            self.normals = self.normals.map(cofactor);
+        }
+    }
+
+    /// The point and the normal by the winding of a hit, in f32, and whether that is exact enough: not for
+    /// [`ShadingTriangle::exact_point`]. Without branches, for loops over many hits.
+    #[inline(always)]
+    pub fn plain_point(&self, ray: &Ray, hit: &Hit) -> (Vec3, Vec3, bool) {
+        let way = ray.origin.abs().max_element() + hit.t;
+        let is_small = largest_coordinates(self.corners).max_element() <= LARGE * way;
+        let (winding, is_plain) = plain_face_normal(self.corners);
+        (self.interpolate(hit), winding, is_small & is_plain)
+    }
+
+    /// The same for triangles that are large, or needles, or of extreme size. `None` for one without area, which has no
+    /// normal to shade with.
+    #[cold]
+    pub fn exact_point(&self, ray: &Ray, hit: &Hit) -> Option<(Vec3, Vec3)> {
+        let way = ray.origin.abs().max_element() + hit.t;
+        let mut p = self.interpolate(hit);
+        if largest_coordinates(self.corners).max_element() > LARGE * way {
+            p = point_on_plane(ray, self.corners).unwrap_or(p);
+        }
+        Some((p, face_normal(self.corners)?))
+    }
+
+    #[inline(always)]
+    fn interpolate(&self, hit: &Hit) -> Vec3 {
+        let [a, b, c] = self.corners;
+        a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v
+    }
+}
+
 impl SurfaceInteraction {
     /// Shading data of `hit`, which `ray` has found. `SMOOTH` allows vertex normals; `lift` the shadow terminator's remedy.
     /// `None` for a triangle without area, which has no normal to shade with.
-    // Always inlined: what the kernel does not read, texture coordinates or the lift, is then not computed.
     #[inline(always)]
     pub fn new<const SMOOTH: bool>(
         geometry: &Geometry,
@@ -143,86 +231,75 @@ impl SurfaceInteraction {
         hit: &Hit,
         lift: bool,
     ) -> Option<SurfaceInteraction> {
-        let wo = -ray.direction;
-        let placement = &geometry.placements[hit.placement as usize];
-        let mesh = &*geometry.meshes[placement.mesh as usize];
-        let corners = geometry.world_triangle(hit.placement, hit.triangle);
-        let indices = mesh.indices[hit.triangle as usize].map(|i| i as usize);
-        let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
-        let mut p = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
-        let way = ray.origin.abs().max_element() + hit.t;
-        let largest = largest_coordinates(corners);
-        if largest.max_element() > LARGE * way {
-            p = point_on_plane(ray, corners).unwrap_or(p);
+        let triangle = ShadingTriangle::new::<SMOOTH>(geometry, hit);
+        let (mut p, mut winding, is_exact) = triangle.plain_point(ray, hit);
+        if !is_exact {
+            (p, winding) = triangle.exact_point(ray, hit)?;
         }
+        Some(SurfaceInteraction::at::<SMOOTH>(&triangle, ray, hit, p, winding, lift))
+    }
 
-        let mut winding = face_normal(corners)?;
-        let p_error = position_error(largest, winding);
-        if placement.to_world.is_some_and(|m| m.matrix3.determinant() < 0.0) {
-            winding = -winding;
-        }
+    /// Shading data at the point `p` of a triangle whose unit normal by its winding is `winding`; both for `hit` by `ray`.
+    // Always inlined: what a loop does not read, the lift or the frame, is then not computed.
+    #[inline(always)]
+    pub fn at<const SMOOTH: bool>(
+        triangle: &ShadingTriangle,
+        ray: &Ray,
+        hit: &Hit,
+        p: Vec3,
+        winding: Vec3,
+        lift: bool,
+    ) -> SurfaceInteraction {
+        let wo = -ray.direction;
+        let p_error = position_error(largest_coordinates(triangle.corners), winding);
+        let winding = winding * triangle.orientation;
         let front = wo.dot(winding) >= 0.0;
         let side = if front { 1.0 } else { -1.0 };
         let ng = winding * side;
-
         let mut ns = ng;
         let mut lifted = Vec3::ZERO;
-        if SMOOTH && !mesh.normals.is_empty() {
-            let mut normals = indices.map(|i| mesh.normals[i]);
-            if let Some(to_world) = &placement.to_world {
-                // The cofactor matrix: the inverse transpose up to a positive factor and the sign of a mirroring.
-                let m = to_world.matrix3;
-                let cofactor = |n: Vec3| {
-                    let v = Vec3::from(m.y_axis.cross(m.z_axis)) * n.x
-                        + Vec3::from(m.z_axis.cross(m.x_axis)) * n.y
-                        + Vec3::from(m.x_axis.cross(m.y_axis)) * n.z;
-                    (v * m.determinant().signum()).try_normalize().unwrap_or(Vec3::ZERO)
-                };
-                normals = normals.map(cofactor);
-            }
-            // A normal that could not be repaired is zero: the face normal serves for its whole triangle.
-            if !normals.contains(&Vec3::ZERO) {
-                let interpolated = normals[0] * weights[0] + normals[1] * weights[1] + normals[2] * weights[2];
-                ns = bend_towards((interpolated * side).try_normalize().unwrap_or(ng), wo);
-                if lift {
-                    for ((corner, normal), weight) in corners.iter().zip(normals).zip(weights) {
-                        let normal = normal * side;
-                        let below = (p - *corner).dot(normal).min(0.0);
-                        lifted -= normal * (below * weight);
-                    }
-                }
+        if SMOOTH {
+            let [na, nb, nc] = triangle.normals.map(|n| n * side);
+            let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
+            let is_smooth = triangle.normals[0].abs().max_element() > 0.0;
+            let interpolated = na * weights[0] + nb * weights[1] + nc * weights[2];
+            let bent = bend_towards(interpolated.try_normalize().unwrap_or(ng), wo);
+            ns = if is_smooth { bent } else { ng };
+            if lift {
+                // Normals of zero lift nothing.
+                let lift =
+                    |corner: Vec3, normal: Vec3, weight: f32| normal * ((p - corner).dot(normal).min(0.0) * weight);
+                let [a, b, c] = triangle.corners;
+                lifted = Vec3::ZERO - lift(a, na, weights[0]) - lift(b, nb, weights[1]) - lift(c, nc, weights[2]);
             }
         }
-        Some(SurfaceInteraction {
+        SurfaceInteraction {
             p,
             wo,
             ng,
             frame: Frame::from_normal(ns),
             front,
-            uv: texture_coordinates(geometry, hit),
             p_error,
             lift: lifted,
-        })
-    }
-
-    /// Where rays to the given side start: that of `wo`, or the opposite one.
-    #[inline]
-    pub fn origin(&self, transmitted: bool) -> Vec3 {
-        if transmitted {
-            offset_point(self.p, self.p_error, -self.ng)
-        } else {
-            offset_point(self.p + self.lift, self.p_error, self.ng)
         }
     }
 
+    /// Where rays to the given side start: that of `wo`, or the opposite one.
+    #[inline(always)]
+    pub fn origin(&self, transmitted: bool) -> Vec3 {
+        let below = offset_point(self.p, self.p_error, -self.ng);
+        let above = offset_point(self.p + self.lift, self.p_error, self.ng);
+        if transmitted { below } else { above }
+    }
+
     /// An unbounded ray from this point.
-    #[inline]
+    #[inline(always)]
     pub fn spawn_ray(&self, direction: Vec3, transmitted: bool) -> Ray {
         Ray::new(self.origin(transmitted), direction)
     }
 
     /// The segment from this point to `target`, which must be off its own surface already. `None` if they coincide.
-    #[inline]
+    #[inline(always)]
     pub fn spawn_ray_to(&self, target: Vec3, transmitted: bool) -> Option<Ray> {
         let origin = self.origin(transmitted);
         let (direction, t_max) = (target - origin).normalize_and_length();
@@ -236,16 +313,13 @@ impl SurfaceInteraction {
 }
 
 /// Turns the unit normal `ns` towards the unit vector `wo` until the angle between them is less than a right one.
-#[inline]
+#[inline(always)]
 fn bend_towards(ns: Vec3, wo: Vec3) -> Vec3 {
     /// The cosine that is left; small enough to move no highlight, large enough that dividing by it is harmless.
     const MIN_COS: f32 = 1e-3;
     let cos = ns.dot(wo);
-    if cos >= MIN_COS {
-        ns
-    } else {
-        (ns + wo * (MIN_COS - cos)).try_normalize().unwrap_or(wo)
-    }
+    let bent = (ns + wo * (MIN_COS - cos)).try_normalize().unwrap_or(wo);
+    if cos >= MIN_COS { ns } else { bent }
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ pub mod accel;
 pub mod bsdf;
 pub mod camera;
 pub mod cli;
+pub mod columns;
 pub mod film;
 pub mod image;
 pub mod integrator;

@@ -1,7 +1,6 @@
 //! Materials: parameters and textures that give a [`Bsdf`] at a point.
 
 use crate::bsdf::{Bsdf, Conductor, Dielectric, Diffuse, Plastic};
-use crate::interaction::SurfaceInteraction;
 use crate::math::{Rgb, Vec2};
 use crate::texture::{Texture, TextureMap};
 
@@ -15,13 +14,13 @@ pub enum Spectrum {
 }
 
 impl Spectrum {
-    #[inline]
-    fn at<const TEXTURES: bool>(&self, textures: &[Texture], uv: Vec2) -> Rgb {
+    #[inline(always)]
+    fn at<const TEXTURES: bool>(&self, textures: &[Texture], uv: impl Fn() -> Vec2) -> Rgb {
         match self {
             Spectrum::Constant(rgb) => *rgb,
             // Without the feature the scene has no bitmap: the branch is compiled out.
             Spectrum::Bitmap(map, tint) if TEXTURES => {
-                textures[map.texture as usize].lookup(uv * map.scale + map.offset) * *tint
+                textures[map.texture as usize].lookup(uv() * map.scale + map.offset) * *tint
             }
             Spectrum::Bitmap(..) => Rgb::BLACK,
         }
@@ -86,16 +85,17 @@ pub struct Material {
 }
 
 impl Material {
-    /// The scattering function at a point.
-    #[inline]
+    /// The scattering function at texture coordinates, seen from the front or the back.
+    #[inline(always)]
     pub fn bsdf<const TEXTURES: bool, const SPECULAR: bool>(
         &self,
         textures: &[Texture],
-        si: &SurfaceInteraction,
+        uv: impl Fn() -> Vec2,
+        front: bool,
     ) -> Bsdf {
         let diffuse = |reflectance: &Spectrum| {
             Bsdf::Diffuse(Diffuse {
-                reflectance: reflectance.at::<TEXTURES>(textures, si.uv),
+                reflectance: reflectance.at::<TEXTURES>(textures, &uv),
             })
         };
         if !SPECULAR {
@@ -109,7 +109,7 @@ impl Material {
             Scattering::Diffuse { reflectance } => diffuse(reflectance),
             &Scattering::Conductor { eta, k, alpha } => Bsdf::Conductor(Conductor { eta, k, alpha }),
             &Scattering::Dielectric { ior, alpha } => Bsdf::Dielectric(Dielectric {
-                eta: if si.front { ior } else { 1.0 / ior },
+                eta: if front { ior } else { 1.0 / ior },
                 alpha,
             }),
             &Scattering::Mirror { reflectance } => Bsdf::Mirror(reflectance),
@@ -118,7 +118,7 @@ impl Material {
                 specular,
                 alpha,
             } => Bsdf::Plastic(Plastic {
-                reflectance: reflectance.at::<TEXTURES>(textures, si.uv),
+                reflectance: reflectance.at::<TEXTURES>(textures, &uv),
                 specular: *specular,
                 alpha: *alpha,
             }),
@@ -126,12 +126,12 @@ impl Material {
     }
 
     /// The probability in [0, 1] that light meets the surface at these texture coordinates.
-    #[inline]
+    #[inline(always)]
     pub fn opacity(&self, textures: &[Texture], uv: Vec2) -> f32 {
         match &self.opacity {
             None => 1.0,
             Some(spectrum) => {
-                let Rgb { r, g, b } = spectrum.at::<true>(textures, uv);
+                let Rgb { r, g, b } = spectrum.at::<true>(textures, || uv);
                 ((r + g + b) * (1.0 / 3.0)).clamp(0.0, 1.0)
             }
         }

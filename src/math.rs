@@ -22,58 +22,76 @@ impl Rgb {
     pub const WHITE: Rgb = Rgb::splat(1.0);
 
     /// From channels.
+    #[inline(always)]
     pub const fn new(r: f32, g: f32, b: f32) -> Rgb {
         Rgb { r, g, b }
     }
 
     /// The same value in every channel.
+    #[inline(always)]
     pub const fn splat(v: f32) -> Rgb {
         Rgb { r: v, g: v, b: v }
     }
 
     /// Rec. 709 luminance.
+    #[inline(always)]
     pub fn luminance(self) -> f32 {
         0.2126 * self.r + 0.7152 * self.g + 0.0722 * self.b
     }
 
     /// The largest channel.
+    #[inline(always)]
     pub fn max_component(self) -> f32 {
         self.r.max(self.g).max(self.b)
     }
 
     /// True if no channel is above zero.
+    #[inline(always)]
     pub fn is_black(self) -> bool {
         self.max_component() <= 0.0
     }
 
     /// True if every channel is finite.
+    #[inline(always)]
     pub fn is_finite(self) -> bool {
         self.r.is_finite() && self.g.is_finite() && self.b.is_finite()
     }
 
     /// Applies `f` to each channel.
+    #[inline(always)]
     pub fn map(self, f: impl Fn(f32) -> f32) -> Rgb {
         Rgb::new(f(self.r), f(self.g), f(self.b))
     }
 
     /// Linear interpolation: `self` at 0, `other` at 1.
+    #[inline(always)]
     pub fn lerp(self, other: Rgb, t: f32) -> Rgb {
         self * (1.0 - t) + other * t
     }
 
     /// The channels in order.
+    #[inline(always)]
     pub const fn to_array(self) -> [f32; 3] {
         [self.r, self.g, self.b]
     }
 }
 
+impl From<Rgb> for [f32; 3] {
+    #[inline(always)]
+    fn from(rgb: Rgb) -> [f32; 3] {
+        rgb.to_array()
+    }
+}
+
 impl From<[f32; 3]> for Rgb {
+    #[inline(always)]
     fn from([r, g, b]: [f32; 3]) -> Rgb {
         Rgb { r, g, b }
     }
 }
 
 impl From<[f64; 3]> for Rgb {
+    #[inline(always)]
     fn from(v: [f64; 3]) -> Rgb {
         Rgb::from(v.map(|c| c as f32))
     }
@@ -92,6 +110,7 @@ impl Index<usize> for Rgb {
 
 impl Add for Rgb {
     type Output = Rgb;
+    #[inline(always)]
     fn add(self, o: Rgb) -> Rgb {
         Rgb::new(self.r + o.r, self.g + o.g, self.b + o.b)
     }
@@ -99,6 +118,7 @@ impl Add for Rgb {
 
 impl Sub for Rgb {
     type Output = Rgb;
+    #[inline(always)]
     fn sub(self, o: Rgb) -> Rgb {
         Rgb::new(self.r - o.r, self.g - o.g, self.b - o.b)
     }
@@ -106,6 +126,7 @@ impl Sub for Rgb {
 
 impl Mul for Rgb {
     type Output = Rgb;
+    #[inline(always)]
     fn mul(self, o: Rgb) -> Rgb {
         Rgb::new(self.r * o.r, self.g * o.g, self.b * o.b)
     }
@@ -113,6 +134,7 @@ impl Mul for Rgb {
 
 impl Mul<f32> for Rgb {
     type Output = Rgb;
+    #[inline(always)]
     fn mul(self, s: f32) -> Rgb {
         Rgb::new(self.r * s, self.g * s, self.b * s)
     }
@@ -120,24 +142,28 @@ impl Mul<f32> for Rgb {
 
 impl Div<f32> for Rgb {
     type Output = Rgb;
+    #[inline(always)]
     fn div(self, s: f32) -> Rgb {
         Rgb::new(self.r / s, self.g / s, self.b / s)
     }
 }
 
 impl AddAssign for Rgb {
+    #[inline(always)]
     fn add_assign(&mut self, o: Rgb) {
         *self = *self + o;
     }
 }
 
 impl MulAssign for Rgb {
+    #[inline(always)]
     fn mul_assign(&mut self, o: Rgb) {
         *self = *self * o;
     }
 }
 
 impl MulAssign<f32> for Rgb {
+    #[inline(always)]
     fn mul_assign(&mut self, s: f32) {
         *self = *self * s;
     }
@@ -157,6 +183,7 @@ pub struct Frame {
 impl Frame {
     /// Builds a frame around the unit vector `n`, without branches on its direction
     /// (Duff et al. 2017, "Building an orthonormal basis, revisited").
+    #[inline(always)]
     pub fn from_normal(n: Vec3) -> Frame {
         let sign = 1f32.copysign(n.z);
         let a = -1.0 / (sign + n.z);
@@ -169,26 +196,41 @@ impl Frame {
     }
 
     /// World to local.
+    #[inline(always)]
     pub fn to_local(&self, v: Vec3) -> Vec3 {
         Vec3::new(v.dot(self.s), v.dot(self.t), v.dot(self.n))
     }
 
     /// Local to world.
+    #[inline(always)]
     pub fn to_world(&self, v: Vec3) -> Vec3 {
         self.s * v.x + self.t * v.y + self.n * v.z
     }
 }
 
-/// The largest integer not above `x`, for numbers within the range of i32: in line where the library's is a call.
-#[inline]
+/// The largest integer not above `x`, for |x| below 2²². By rounding in the mantissa: vector units lack a conversion that
+/// saturates as Rust's does, and the library's function is a call.
+#[inline(always)]
 pub fn floor(x: f32) -> i32 {
-    let truncated = x as i32;
-    truncated - i32::from(truncated as f32 > x)
+    /// 1.5 · 2²³: the sum with it has no bits left for fractions.
+    const SHIFT: f32 = 12_582_912.0;
+    let shifted = x + SHIFT;
+    let nearest = shifted.to_bits().wrapping_sub(SHIFT.to_bits()) as i32;
+    nearest - i32::from(shifted - SHIFT > x)
+}
+
+/// The same in f64, for |x| below 2³¹.
+#[inline(always)]
+pub fn floor_f64(x: f64) -> i32 {
+    /// 1.5 · 2⁵²; its low bits are those of 0.
+    const SHIFT: f64 = 6_755_399_441_055_744.0;
+    let shifted = x + SHIFT;
+    shifted.to_bits() as i32 - i32::from(shifted - SHIFT > x)
 }
 
 /// Sine and cosine of an angle in turns, for |x| below a million. To 2e-7, in line and without branches, where the
 /// library's are calls; a whole number of quarter turns is exact.
-#[inline]
+#[inline(always)]
 pub fn sin_cos_turns(x: f32) -> (f32, f32) {
     let quarter = floor(4.0 * x + 0.5);
     let (sin, cos) = sin_cos_eighth(x - 0.25 * quarter as f32);
@@ -201,7 +243,7 @@ pub fn sin_cos_turns(x: f32) -> (f32, f32) {
 }
 
 /// [`sin_cos_turns`] for at most an eighth of a turn, either way: the series up to the ninth power.
-#[inline]
+#[inline(always)]
 pub fn sin_cos_eighth(x: f32) -> (f32, f32) {
     let x = std::f32::consts::TAU * x;
     let x2 = x * x;
@@ -212,7 +254,7 @@ pub fn sin_cos_eighth(x: f32) -> (f32, f32) {
 
 /// The angle of the point (x, y) in turns, in [-1/2, 1/2]; 0 for the origin. To 5e-8 of a turn, in line and without
 /// branches.
-#[inline]
+#[inline(always)]
 pub fn atan2_turns(y: f32, x: f32) -> f32 {
     const TAN_EIGHTH_OF_PI: f32 = 0.414_213_56;
     /// The series of the arc tangent, fitted to the interval: off by less than 5e-9 before rounding.
@@ -270,6 +312,22 @@ mod tests {
                 assert!((a.dot(b) - expected).abs() < 1e-6, "{v}: {f:?}");
             }
             assert!((f.s.cross(f.t) - f.n).length() < 1e-6, "{v}: not right-handed");
+        }
+    }
+
+    #[test]
+    fn floors_are_those_of_the_library() {
+        for i in -1_000_000..=1_000_000 {
+            for x in [
+                i as f32 * 4.194_303,
+                i as f32 * 1e-5,
+                (i as f32).next_up(),
+                (i as f32).next_down(),
+            ] {
+                assert_eq!(floor(x), x.floor() as i32, "{x}");
+                let y = f64::from(x) * 500.0;
+                assert_eq!(floor_f64(y), y.floor() as i32, "{y}");
+            }
         }
     }
 

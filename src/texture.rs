@@ -44,7 +44,7 @@ struct Footprint {
 
 impl Footprint {
     /// `uv` repeats with period 1; `v = 0` is the bottom edge of the image; texel centres lie at (i + 1/2) / n.
-    #[inline]
+    #[inline(always)]
     fn new(width: u32, height: u32, uv: Vec2) -> Footprint {
         // Coordinates that are not finite look up the first texel: a defined value for a damaged mesh.
         let wrap = |c: f32| if c.is_finite() { c - c.floor() } else { 0.0 };
@@ -58,7 +58,7 @@ impl Footprint {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn blend(&self, texel: impl Fn(usize) -> Rgb) -> Rgb {
         let [a, b, c, d] = self.indices.map(texel);
         a.lerp(b, self.fx).lerp(c.lerp(d, self.fx), self.fy)
@@ -66,7 +66,7 @@ impl Footprint {
 }
 
 /// The fraction and the two texels, wrapping, that surround the coordinate `c` in [0, 1].
-#[inline]
+#[inline(always)]
 fn neighbours(c: f32, n: u32) -> (f32, usize, usize) {
     let position = c * n as f32 - 0.5;
     let low = position.floor();
@@ -80,7 +80,7 @@ fn neighbours(c: f32, n: u32) -> (f32, usize, usize) {
 
 impl Texture {
     /// The colour at a texture coordinate.
-    #[inline]
+    #[inline(always)]
     pub fn lookup(&self, uv: Vec2) -> Rgb {
         match self {
             Texture::Rgb8(image, encoding) => {

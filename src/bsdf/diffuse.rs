@@ -13,8 +13,9 @@ pub struct Diffuse {
 }
 
 impl Diffuse {
-    #[inline]
-    pub(super) fn eval(&self, wi: Vec3) -> BsdfEval {
+    /// Value and density of a direction; see [`super::Bsdf::eval`].
+    #[inline(always)]
+    pub fn eval(&self, wi: Vec3) -> BsdfEval {
         if wi.z <= 0.0 {
             return BsdfEval::ZERO;
         }
@@ -24,8 +25,9 @@ impl Diffuse {
         }
     }
 
-    #[inline]
-    pub(super) fn sample(&self, u: [f32; 2]) -> Option<BsdfSample> {
+    /// Draws a direction; see [`super::Bsdf::sample`].
+    #[inline(always)]
+    pub fn sample(&self, u: [f32; 2]) -> Option<BsdfSample> {
         let wi = warp::cosine_hemisphere(u);
         let pdf_w = warp::cosine_hemisphere_pdf_w(wi.z);
         (!self.reflectance.is_black()).then_some(BsdfSample {

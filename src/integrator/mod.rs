@@ -5,9 +5,33 @@ use crate::light::EnvSampling;
 use crate::sampling::SamplerKind;
 use crate::scene::{Scene, SceneFeatures};
 
+mod batch;
 mod path;
+mod vertex;
 
-pub use path::{Batch, RayCounts, SampleId};
+pub use batch::{Batch, SampleId};
+
+/// Rays traced, by purpose.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RayCounts {
+    /// From the camera.
+    pub camera: u64,
+    /// That carry the recursion.
+    pub bounce: u64,
+    /// Towards emitters.
+    pub shadow: u64,
+}
+
+impl RayCounts {
+    /// Sum of two counts.
+    pub fn plus(self, other: RayCounts) -> RayCounts {
+        RayCounts {
+            camera: self.camera + other.camera,
+            bounce: self.bounce + other.bounce,
+            shadow: self.shadow + other.shadow,
+        }
+    }
+}
 
 /// Which light is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

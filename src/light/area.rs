@@ -1,5 +1,6 @@
 //! Emitting triangles.
 
+use crate::columns::Columns;
 use crate::interaction::{face_normal, largest_coordinates, offset_point, position_error};
 use crate::math::{DVec3, Rgb, Vec3};
 use crate::sampling::warp;
@@ -15,7 +16,7 @@ pub struct Emission {
 
 impl Emission {
     /// Radiance that leaves the given side.
-    #[inline]
+    #[inline(always)]
     pub fn from_side(&self, front: bool) -> Rgb {
         if front || self.both_sides {
             self.radiance
@@ -40,6 +41,9 @@ const ERROR_PER_DISTANCE: f64 = 1.0 / 2_097_152.0;
 /// What is nearer to the emitter than this, in units of the distance, must still cast its shadow: triangles more slender
 /// than 1 : 32,768 may instead be in their own.
 const MAX_ERROR_PER_DISTANCE: f64 = 1.0 / 64.0;
+
+/// Emitting triangles by lane.
+pub type AreaLightColumns = Columns<19>;
 
 /// One emitting triangle, in world coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,10 +83,56 @@ impl AreaLight {
         (light, 0.5 * cross.length())
     }
 
+    /// All numbers, for [`AreaLightColumns`].
+    #[inline(always)]
+    pub fn to_array(&self) -> [f32; 19] {
+        let [corner, edge_b, edge_c, normal] = [self.corner, self.edges[0], self.edges[1], self.normal];
+        let Emission { radiance, both_sides } = self.emission;
+        [
+            corner.x,
+            corner.y,
+            corner.z,
+            edge_b.x,
+            edge_b.y,
+            edge_b.z,
+            edge_c.x,
+            edge_c.y,
+            edge_c.z,
+            normal.x,
+            normal.y,
+            normal.z,
+            radiance.r,
+            radiance.g,
+            radiance.b,
+            f32::from(both_sides),
+            self.p_error,
+            self.error_per_distance,
+            self.pdf_a,
+        ]
+    }
+
+    /// The inverse of [`AreaLight::to_array`].
+    #[inline(always)]
+    pub fn from_array(numbers: [f32; 19]) -> AreaLight {
+        let vec3 = |k: usize| Vec3::new(numbers[k], numbers[k + 1], numbers[k + 2]);
+        AreaLight {
+            corner: vec3(0),
+            edges: [vec3(3), vec3(6)],
+            normal: vec3(9),
+            emission: Emission {
+                radiance: Rgb::new(numbers[12], numbers[13], numbers[14]),
+                both_sides: numbers[15] > 0.0,
+            },
+            p_error: numbers[16],
+            error_per_distance: numbers[17],
+            pdf_a: numbers[18],
+        }
+    }
+
     /// A point on the triangle as seen from `p`: direction, radiance, density per solid angle, and the shadow ray's end.
     /// `None` where the light turns its back or is seen edge-on.
     #[inline(always)]
-    pub(super) fn sample(&self, p: Vec3, u: [f32; 2]) -> Option<super::LightSample> {
+    pub fn sample(&self, p: Vec3, u: [f32; 2]) -> Option<super::LightSample> {
         let [weight_b, weight_c] = warp::triangle(u);
         let point = self.corner + self.edges[0] * weight_b + self.edges[1] * weight_c;
         let (wi, distance) = (point - p).normalize_and_length();
@@ -103,7 +153,7 @@ impl AreaLight {
     }
 
     /// Density per solid angle of a point at this squared distance, seen under this cosine [1/sr].
-    #[inline]
+    #[inline(always)]
     pub(super) fn pdf_w(&self, distance_squared: f32, cos: f32) -> f32 {
         self.pdf_a * distance_squared / cos.abs()
     }

@@ -13,8 +13,9 @@
 //!
 //! The probabilities are those that the built table implies, kept beside the texel's colour: one lookup gives both.
 
+use crate::columns::{Column, Columns, padded};
 use crate::image::Image;
-use crate::math::{Rgb, Vec3, atan2_turns, floor, sin_cos_turns};
+use crate::math::{Rgb, Vec3, atan2_turns, floor, floor_f64, sin_cos_turns};
 use crate::sampling::{AliasTable, warp};
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -50,15 +51,21 @@ pub enum Environment {
 /// A latitude-longitude map and its sampling table.
 #[derive(Clone, Debug)]
 pub struct EnvironmentMap {
-    width: u32,
-    height: u32,
+    layout: Layout,
     /// Radiance, and the probability of the texel over the mean one.
     texels: Vec<[f32; 4]>,
     /// Absent for a black map and for uniform sampling.
     table: Option<AliasTable>,
+    irradiance_scale: f64,
+}
+
+/// Where directions lie on a map.
+#[derive(Clone, Copy, Debug)]
+struct Layout {
+    width: u32,
+    height: u32,
     sin_rotation: f32,
     cos_rotation: f32,
-    irradiance_scale: f64,
 }
 
 /// A direction and its place on the map: finding the place takes arithmetic and looking it up takes memory, and loops
@@ -73,6 +80,56 @@ pub struct EnvironmentPoint {
     fraction: [f32; 2],
     /// Sine of the angle to the pole.
     sin_theta: f32,
+}
+
+impl EnvironmentPoint {
+    /// A direction to what has no texels.
+    #[inline(always)]
+    fn nowhere(wi: Vec3) -> EnvironmentPoint {
+        EnvironmentPoint {
+            wi,
+            texels: [0; 4],
+            fraction: [0.0; 2],
+            sin_theta: 0.0,
+        }
+    }
+}
+
+/// Places by lane.
+#[derive(Clone, Debug, Default)]
+pub struct EnvironmentColumns {
+    numbers: Columns<6>,
+    texels: [Column<u32>; 4],
+}
+
+impl EnvironmentColumns {
+    /// The place of lane `i`.
+    #[inline(always)]
+    pub fn get(&self, i: usize) -> EnvironmentPoint {
+        let [x, y, z, fraction_x, fraction_y, sin_theta] = self.numbers.get(i);
+        EnvironmentPoint {
+            wi: Vec3::new(x, y, z),
+            texels: [0, 1, 2, 3].map(|k| self.texels[k][i]),
+            fraction: [fraction_x, fraction_y],
+            sin_theta,
+        }
+    }
+
+    /// Replaces that of lane `i`.
+    #[inline(always)]
+    pub fn set(&mut self, i: usize, point: &EnvironmentPoint) {
+        let EnvironmentPoint {
+            wi,
+            texels,
+            fraction,
+            sin_theta,
+        } = *point;
+        self.numbers
+            .set(i, [wi.x, wi.y, wi.z, fraction[0], fraction[1], sin_theta]);
+        for k in 0..4 {
+            self.texels[k][i] = texels[k];
+        }
+    }
 }
 
 impl Environment {
@@ -119,12 +176,14 @@ impl Environment {
             .collect();
         let (sin, cos) = rotation_degrees.to_radians().sin_cos();
         Ok(Environment::Map(EnvironmentMap {
-            width,
-            height,
+            layout: Layout {
+                width,
+                height,
+                sin_rotation: sin as f32,
+                cos_rotation: cos as f32,
+            },
             texels,
             table,
-            sin_rotation: sin as f32,
-            cos_rotation: cos as f32,
             irradiance_scale: total * 2.0 * PI * PI / count as f64,
         }))
     }
@@ -152,26 +211,63 @@ impl Environment {
         }
     }
 
+    /// [`Environment::sample`] of the first `n` lanes, in loops without branches.
+    #[inline(always)]
+    pub fn sample_lanes(&self, n: usize, texels: &Column<u32>, u: &Columns<2>, places: &mut EnvironmentColumns) {
+        match self {
+            Environment::Map(map) if map.table.is_some() => {
+                let layout = map.layout;
+                for i in 0..padded(n) {
+                    places.set(i, &layout.sample(texels[i], u.get(i)));
+                }
+            }
+            Environment::Map(map) => {
+                let layout = map.layout;
+                for i in 0..padded(n) {
+                    places.set(i, &layout.locate(warp::uniform_sphere(u.get(i))));
+                }
+            }
+            Environment::Constant(_) => {
+                for i in 0..padded(n) {
+                    places.set(i, &EnvironmentPoint::nowhere(warp::uniform_sphere(u.get(i))));
+                }
+            }
+        }
+    }
+
+    /// [`Environment::locate`] of the first `n` lanes, likewise.
+    #[inline(always)]
+    pub fn locate_lanes(&self, n: usize, directions: &Columns<3>, places: &mut EnvironmentColumns) {
+        match self {
+            Environment::Map(map) => {
+                let layout = map.layout;
+                for i in 0..padded(n) {
+                    places.set(i, &layout.locate(directions.vec3(i)));
+                }
+            }
+            Environment::Constant(_) => {
+                for i in 0..padded(n) {
+                    places.set(i, &EnvironmentPoint::nowhere(directions.vec3(i)));
+                }
+            }
+        }
+    }
+
     /// Draws a direction from a place `u` in a texel drawn before.
-    #[inline]
+    #[inline(always)]
     pub fn sample(&self, texel: u32, u: [f32; 2]) -> EnvironmentPoint {
         match self {
-            Environment::Map(map) if map.table.is_some() => map.sample(texel, u),
+            Environment::Map(map) if map.table.is_some() => map.layout.sample(texel, u),
             _ => self.locate(warp::uniform_sphere(u)),
         }
     }
 
     /// The place of a unit direction.
-    #[inline]
+    #[inline(always)]
     pub fn locate(&self, wi: Vec3) -> EnvironmentPoint {
         match self {
-            Environment::Constant(_) => EnvironmentPoint {
-                wi,
-                texels: [0; 4],
-                fraction: [0.0; 2],
-                sin_theta: 0.0,
-            },
-            Environment::Map(map) => map.locate(wi),
+            Environment::Constant(_) => EnvironmentPoint::nowhere(wi),
+            Environment::Map(map) => map.layout.locate(wi),
         }
     }
 
@@ -203,59 +299,7 @@ const MIN_SIN_THETA: f32 = 1e-8;
 impl EnvironmentMap {
     /// Columns and rows.
     pub fn resolution(&self) -> [u32; 2] {
-        [self.width, self.height]
-    }
-
-    /// A direction around the centre of a texel, tent-distributed over the image.
-    #[inline]
-    fn sample(&self, texel: u32, u: [f32; 2]) -> EnvironmentPoint {
-        let (column, row) = (texel % self.width, texel / self.width);
-        let u_image = (column as f32 + 0.5 + warp::tent(u[0])) / self.width as f32;
-        // Past a pole the lookup repeats the last row; folding the density back there matches it exactly.
-        let v_image = ((row as f32 + 0.5 + warp::tent(u[1])) / self.height as f32).abs();
-        let v_image = 1.0 - (1.0 - v_image).abs();
-        let (sin_theta, cos_theta) = sin_cos_turns(0.5 * v_image);
-        let sin_theta = sin_theta.abs().max(MIN_SIN_THETA);
-        let (sin_phi, cos_phi) = sin_cos_turns(u_image);
-        let (x, z) = (sin_phi * sin_theta, -cos_phi * sin_theta);
-        let wi = Vec3::new(
-            x * self.cos_rotation + z * self.sin_rotation,
-            cos_theta,
-            z * self.cos_rotation - x * self.sin_rotation,
-        );
-        self.point(wi, u_image, v_image, sin_theta)
-    }
-
-    #[inline]
-    fn locate(&self, wi: Vec3) -> EnvironmentPoint {
-        let x = wi.x * self.cos_rotation - wi.z * self.sin_rotation;
-        let z = wi.x * self.sin_rotation + wi.z * self.cos_rotation;
-        let sin_theta = (x * x + z * z).sqrt().max(MIN_SIN_THETA);
-        self.point(wi, atan2_turns(x, -z), 2.0 * atan2_turns(sin_theta, wi.y), sin_theta)
-    }
-
-    /// The place at image coordinates: `u` up to whole turns, `v` in [0, 1].
-    #[inline(always)]
-    fn point(&self, wi: Vec3, u: f32, v: f32, sin_theta: f32) -> EnvironmentPoint {
-        let (width, height) = (self.width as i32, self.height as i32);
-        let column = (u - floor(u) as f32) * width as f32 - 0.5;
-        let row = v * height as f32 - 0.5;
-        let (left, top) = (floor(column), floor(row));
-        let x0 = if left < 0 { width - 1 } else { left.min(width - 1) };
-        let x1 = if x0 + 1 == width { 0 } else { x0 + 1 };
-        let upper = top.clamp(0, height - 1) as u32 * self.width;
-        let lower = (top + 1).clamp(0, height - 1) as u32 * self.width;
-        EnvironmentPoint {
-            wi,
-            texels: [
-                upper + x0 as u32,
-                upper + x1 as u32,
-                lower + x0 as u32,
-                lower + x1 as u32,
-            ],
-            fraction: [column - left as f32, row - top as f32],
-            sin_theta,
-        }
+        [self.layout.width, self.layout.height]
     }
 
     #[inline(always)]
@@ -275,5 +319,66 @@ impl EnvironmentMap {
             warp::UNIFORM_SPHERE_PDF_W
         };
         (Rgb::new(blend[0], blend[1], blend[2]), pdf_w)
+    }
+}
+
+impl Layout {
+    /// A direction around the centre of a texel, tent-distributed over the image.
+    #[inline(always)]
+    fn sample(&self, texel: u32, u: [f32; 2]) -> EnvironmentPoint {
+        // In f64 and not by division of integers, which no vector unit has. The quotient is at least half a texel off every
+        // whole number: exact.
+        let row = floor_f64((f64::from(texel) + 0.5) / f64::from(self.width));
+        let column = texel as i32 - row * self.width as i32;
+        let u_image = (column as f32 + 0.5 + warp::tent(u[0])) / self.width as f32;
+        // Past a pole the lookup repeats the last row; folding the density back there matches it exactly.
+        let v_image = ((row as f32 + 0.5 + warp::tent(u[1])) / self.height as f32).abs();
+        let v_image = 1.0 - (1.0 - v_image).abs();
+        let (sin_theta, cos_theta) = sin_cos_turns(0.5 * v_image);
+        let sin_theta = sin_theta.abs().max(MIN_SIN_THETA);
+        let (sin_phi, cos_phi) = sin_cos_turns(u_image);
+        let (x, z) = (sin_phi * sin_theta, -cos_phi * sin_theta);
+        let wi = Vec3::new(
+            x * self.cos_rotation + z * self.sin_rotation,
+            cos_theta,
+            z * self.cos_rotation - x * self.sin_rotation,
+        );
+        self.point(wi, u_image, v_image, sin_theta)
+    }
+
+    #[inline(always)]
+    fn locate(&self, wi: Vec3) -> EnvironmentPoint {
+        let x = wi.x * self.cos_rotation - wi.z * self.sin_rotation;
+        let z = wi.x * self.sin_rotation + wi.z * self.cos_rotation;
+        let sin_theta = (x * x + z * z).sqrt().max(MIN_SIN_THETA);
+        self.point(wi, atan2_turns(x, -z), 2.0 * atan2_turns(sin_theta, wi.y), sin_theta)
+    }
+
+    /// The place at image coordinates: `u` up to whole turns, `v` in [0, 1].
+    #[inline(always)]
+    fn point(&self, wi: Vec3, u: f32, v: f32, sin_theta: f32) -> EnvironmentPoint {
+        let (width, height) = (self.width as i32, self.height as i32);
+        let column = (u - floor(u) as f32) * width as f32 - 0.5;
+        let row = v * height as f32 - 0.5;
+        let (left, top) = (floor(column), floor(row));
+        let x0 = if left < 0 { width - 1 } else { left.min(width - 1) };
+        let x1 = if x0 + 1 == width { 0 } else { x0 + 1 };
+        #[allow(
+            clippy::manual_clamp,
+            reason = "clamp panics for reversed limits, and what may panic is not vectorised"
+        )]
+        let start = |row: i32| row.max(0).min(height - 1) as u32 * self.width;
+        let (upper, lower) = (start(top), start(top + 1));
+        EnvironmentPoint {
+            wi,
+            texels: [
+                upper + x0 as u32,
+                upper + x1 as u32,
+                lower + x0 as u32,
+                lower + x1 as u32,
+            ],
+            fraction: [column - left as f32, row - top as f32],
+            sin_theta,
+        }
     }
 }

@@ -6,8 +6,10 @@ mod area;
 mod environment;
 mod sampler;
 
-pub use area::{AreaLight, Emission};
-pub use environment::{EnvSampling, Environment, EnvironmentError, EnvironmentMap, EnvironmentPoint};
+pub use area::{AreaLight, AreaLightColumns, Emission};
+pub use environment::{
+    EnvSampling, Environment, EnvironmentColumns, EnvironmentError, EnvironmentMap, EnvironmentPoint,
+};
 pub use sampler::{Emitter, LightSampler, LightSamplerBuilder};
 
 /// A direction towards an emitter, as seen from a point.

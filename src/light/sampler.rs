@@ -97,19 +97,25 @@ impl LightSampler {
 
     /// Draws an emitter. `AREA` and `ENVIRONMENT` say which kinds the scene may have.
     #[inline(always)]
-    pub fn choose<const AREA: bool, const ENVIRONMENT: bool>(&self, sampler: &Sampler) -> Emitter {
+    pub fn choose<const AREA: bool, const ENVIRONMENT: bool>(&self, bits: u64) -> Emitter {
         let Some(table) = &self.table else {
             return Emitter::None;
         };
         if ENVIRONMENT && (!AREA || self.areas.is_empty()) {
             return Emitter::Environment;
         }
-        let emitter = table.sample(sampler.get_u64(Dimension::LightChoice));
+        let emitter = table.sample(bits);
         if ENVIRONMENT && emitter as usize == self.areas.len() {
             Emitter::Environment
         } else {
             Emitter::Area(emitter)
         }
+    }
+
+    /// An emitting triangle.
+    #[inline(always)]
+    pub fn area(&self, light: u32) -> &AreaLight {
+        &self.areas[light as usize]
     }
 
     /// Draws a direction from `p` towards a triangle. `None` if it carries no light.
@@ -133,7 +139,10 @@ impl LightSampler {
     /// Draws a direction from `p` towards any emitter: the steps above in one, for a single point. `None` if it carries
     /// no light.
     pub fn sample(&self, p: Vec3, sampler: &Sampler) -> Option<LightSample> {
-        match (self.choose::<true, true>(sampler), &self.environment) {
+        match (
+            self.choose::<true, true>(sampler.get_u64(Dimension::LightChoice)),
+            &self.environment,
+        ) {
             (Emitter::Area(light), _) => self.sample_area(light, p, sampler),
             (Emitter::Environment, Some(environment)) => {
                 let texel = environment.choose_texel(sampler.get_u64(Dimension::Texel));

@@ -5,7 +5,7 @@
 ///
 /// Both densities in the same measure, 0 or more. An infinite `pdf` (a delta lobe) takes all the weight, an infinite
 /// `other` takes it away; both zero gives zero.
-#[inline]
+#[inline(always)]
 pub fn power_heuristic(pdf: f32, other: f32) -> f32 {
     if pdf == 0.0 {
         return 0.0;

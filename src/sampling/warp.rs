@@ -4,7 +4,7 @@ use crate::math::{Vec3, sin_cos_eighth, sin_cos_turns};
 use std::f32::consts::{FRAC_1_PI, TAU};
 
 /// A point of the unit disk, uniform by area, from the concentric map of Shirley and Chiu 1997.
-#[inline]
+#[inline(always)]
 pub fn disk([u, v]: [f32; 2]) -> [f32; 2] {
     let (a, b) = (2.0 * u - 1.0, 2.0 * v - 1.0);
     // Which side of the diagonal a point is on cannot be predicted: blend by weights of 0 and 1, which is exact, rather
@@ -18,7 +18,7 @@ pub fn disk([u, v]: [f32; 2]) -> [f32; 2] {
 }
 
 /// A unit direction around +z with density cos θ / π.
-#[inline]
+#[inline(always)]
 pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3 {
     let [x, y] = disk(u);
     // The rim of the disk would give a direction in the surface, whose density is zero: stay a little above.
@@ -27,13 +27,13 @@ pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3 {
 }
 
 /// Density of [`cosine_hemisphere`] [1/sr].
-#[inline]
+#[inline(always)]
 pub fn cosine_hemisphere_pdf_w(cos_theta: f32) -> f32 {
     cos_theta.max(0.0) * FRAC_1_PI
 }
 
 /// A unit direction of the upper hemisphere, uniform by solid angle.
-#[inline]
+#[inline(always)]
 pub fn uniform_hemisphere([u, v]: [f32; 2]) -> Vec3 {
     direction(1.0 - u, v)
 }
@@ -42,7 +42,7 @@ pub fn uniform_hemisphere([u, v]: [f32; 2]) -> Vec3 {
 pub const UNIFORM_HEMISPHERE_PDF_W: f32 = 1.0 / TAU;
 
 /// A unit direction, uniform over the sphere.
-#[inline]
+#[inline(always)]
 pub fn uniform_sphere([u, v]: [f32; 2]) -> Vec3 {
     direction(1.0 - 2.0 * u, v)
 }
@@ -50,6 +50,7 @@ pub fn uniform_sphere([u, v]: [f32; 2]) -> Vec3 {
 /// Density of [`uniform_sphere`] [1/sr].
 pub const UNIFORM_SPHERE_PDF_W: f32 = 1.0 / (2.0 * TAU);
 
+#[inline(always)]
 fn direction(cos_theta: f32, v: f32) -> Vec3 {
     let r = (1.0 - cos_theta * cos_theta).max(0.0).sqrt();
     let (sin, cos) = sin_cos_turns(v);
@@ -58,14 +59,14 @@ fn direction(cos_theta: f32, v: f32) -> Vec3 {
 
 /// Barycentric weights (of the second and the third corner) of a point uniform on a triangle, by the map of low
 /// distortion of Heitz 2019, "A low-distortion map between triangle and square".
-#[inline]
+#[inline(always)]
 pub fn triangle([u, v]: [f32; 2]) -> [f32; 2] {
     let half = u.min(v) * 0.5;
     [u - half, v - half]
 }
 
 /// A number in (-1, 1) with the tent density 1 − |x|.
-#[inline]
+#[inline(always)]
 pub fn tent(u: f32) -> f32 {
     (1.0 - (2.0 * u).min(2.0 - 2.0 * u).sqrt()).copysign(u - 0.5)
 }

@@ -1,0 +1,196 @@
+//! The state of a batch of paths, column by column.
+
+use crate::accel::{Hit, Ray};
+use crate::bsdf::Bsdf;
+use crate::columns::{Column, Columns, LANES};
+use crate::light::{AreaLightColumns, Emitter, EnvironmentColumns};
+use crate::math::{DVec3, Rgb};
+use crate::sampling::{Sampler, SamplerKind};
+use serde::Serialize;
+
+/// Names one sample of one pixel of the full image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+pub struct SampleId {
+    /// Index of the sample.
+    pub sample: u32,
+    /// Row.
+    pub y: u32,
+    /// Column.
+    pub x: u32,
+}
+
+/// The state of a batch of paths. Kept from one batch to the next so that rendering does not allocate.
+#[derive(Debug, Default)]
+pub struct Batch {
+    /// By sample: which one, and the light so far. In f64: an f32 sum of equal addends is off by more than 1e-4 after
+    /// 10,000 bounces.
+    pub(super) samples: Vec<SampleId>,
+    pub(super) radiance: Vec<DVec3>,
+    /// What camera rays meet; and the rays of a block of pixels, what they meet.
+    pub(super) camera_hits: Vec<Option<Hit>>,
+    pub(super) block_rays: Vec<Ray>,
+    pub(super) block_hits: Vec<Option<Hit>>,
+    /// Lanes of the paths that go on to a next vertex, ascending.
+    pub(super) alive: Vec<u32>,
+    /// By lane of the paths that met a surface.
+    pub(super) hits: Vec<Hit>,
+    pub(super) lanes: Box<Lanes>,
+    /// Rays towards emitters; and by ray, the sample and the light that arrives if nothing is in between.
+    pub(super) shadow_rays: Vec<Ray>,
+    pub(super) shadow_light: Vec<(u32, Rgb)>,
+    pub(super) occluded: Vec<bool>,
+}
+
+impl Batch {
+    /// Takes the next samples to compute, up to [`LANES`]; false if there are none.
+    pub fn fill(&mut self, samples: &mut impl Iterator<Item = SampleId>) -> bool {
+        self.samples.clear();
+        self.samples.extend(samples.take(LANES));
+        !self.samples.is_empty()
+    }
+
+    /// The samples and their radiance [W·m⁻²·sr⁻¹], once a kernel has computed them.
+    pub fn results(&self) -> impl Iterator<Item = (SampleId, Rgb)> {
+        let radiance = self.radiance.iter().map(|sum| Rgb::from(sum.to_array()));
+        self.samples.iter().copied().zip(radiance)
+    }
+}
+
+/// All columns. In one allocation, so that the compiler knows which do not overlap.
+#[derive(Debug, Default)]
+pub(super) struct Lanes {
+    /// Column, row and index of the samples.
+    pub(super) coordinates: [Column<u32>; 3],
+    pub(super) paths: Paths,
+    pub(super) escaped: Escaped,
+    pub(super) vertices: Vertices,
+}
+
+/// Paths on their way from one vertex to the next.
+#[derive(Debug, Default)]
+pub(super) struct Paths {
+    /// Index into [`Batch::radiance`].
+    pub(super) sample: Column<u32>,
+    pub(super) keys: [Column<u32>; 2],
+    pub(super) index: Column<u32>,
+    pub(super) throughput: Columns<3>,
+    /// Undoes the solid-angle factor of refraction in roulette decisions.
+    pub(super) eta_squared: Column<f32>,
+    /// The ray to the next vertex.
+    pub(super) origin: Columns<3>,
+    pub(super) direction: Columns<3>,
+    /// What the next hit on an emitter needs to know of the vertex that led there: where it is, and the density of the
+    /// direction [1/sr]; infinite for camera rays and delta lobes.
+    pub(super) p: Columns<3>,
+    pub(super) pdf_w: Column<f32>,
+}
+
+impl Paths {
+    /// The ray of lane `i`.
+    #[inline(always)]
+    pub(super) fn ray(&self, i: usize) -> Ray {
+        Ray::new(self.origin.vec3(i), self.direction.vec3(i))
+    }
+
+    /// The random numbers of lane `i` at a bounce.
+    #[inline(always)]
+    pub(super) fn sampler(&self, i: usize, kind: SamplerKind, bounce: u32) -> Sampler {
+        Sampler {
+            kind,
+            key: [self.keys[0][i], self.keys[1][i]],
+            index: self.index[i],
+            bounce,
+        }
+    }
+
+    /// Makes lane `to` like lane `from`.
+    #[inline(always)]
+    pub(super) fn copy(&mut self, from: usize, to: usize) {
+        let Paths {
+            sample,
+            keys: [key_0, key_1],
+            index,
+            throughput,
+            eta_squared,
+            origin,
+            direction,
+            p,
+            pdf_w,
+        } = self;
+        for column in [sample, key_0, key_1, index] {
+            column[to] = column[from];
+        }
+        for column in [eta_squared, pdf_w] {
+            column[to] = column[from];
+        }
+        for columns in [throughput, origin, direction, p] {
+            columns.copy(from, to);
+        }
+    }
+}
+
+/// Paths that met nothing.
+#[derive(Debug, Default)]
+pub(super) struct Escaped {
+    /// Sample, throughput and density, as in [`Paths`].
+    pub(super) paths: Vec<(u32, Rgb, f32)>,
+    pub(super) directions: Columns<3>,
+}
+
+/// The vertices at which paths scatter.
+#[derive(Debug, Default)]
+pub(super) struct Vertices {
+    /// Distance and barycentric coordinates of the hits.
+    pub(super) hit: Columns<3>,
+    /// Corners, vertex normals and orientation of the triangles.
+    pub(super) corners: [Columns<3>; 3],
+    pub(super) normals: [Columns<3>; 3],
+    pub(super) orientation: Column<f32>,
+    /// The interaction: point, normals on the side of `wo`, way to the curved surface, and rounding of the point.
+    pub(super) p: Columns<3>,
+    pub(super) ng: Columns<3>,
+    pub(super) ns: Columns<3>,
+    pub(super) lift: Columns<3>,
+    pub(super) p_error: Column<f32>,
+    /// 1 if seen from the front, else 0.
+    pub(super) front: Column<f32>,
+    /// 0 where the triangle needs [`crate::interaction::ShadingTriangle::exact_point`].
+    pub(super) is_plain: Column<u32>,
+    /// Random numbers.
+    pub(super) light_choice: [Column<u32>; 2],
+    pub(super) texel_choice: [Column<u32>; 2],
+    pub(super) light_position: Columns<2>,
+    pub(super) direction: Columns<2>,
+    pub(super) roulette: Column<f32>,
+    /// Albedo where scattering is diffuse; the others are listed with their lanes.
+    pub(super) reflectance: Columns<3>,
+    pub(super) others: Vec<(u32, Bsdf)>,
+    /// The emitter to sample; the triangle, or the place on the environment.
+    pub(super) emitters: Vec<Emitter>,
+    pub(super) area_lights: AreaLightColumns,
+    /// Lanes that sample the environment, and their texels.
+    pub(super) sky: Vec<u32>,
+    pub(super) texels: Column<u32>,
+    pub(super) places: EnvironmentColumns,
+    /// The emitter sample: direction, radiance, density (0 if there is none), and where the shadow ray ends, if not at
+    /// infinity (finite: 1).
+    pub(super) light_wi: Columns<3>,
+    pub(super) light_radiance: Columns<3>,
+    pub(super) light_pdf_w: Column<f32>,
+    pub(super) light_target: Columns<3>,
+    pub(super) light_is_finite: Column<f32>,
+    /// The shadow ray and what it brings.
+    pub(super) shadow_origin: Columns<3>,
+    pub(super) shadow_direction: Columns<3>,
+    pub(super) shadow_t_max: Column<f32>,
+    pub(super) shadow_light: Columns<3>,
+    /// 1 where the shadow ray has to be traced; where the path goes on.
+    pub(super) is_lit: Column<u32>,
+    pub(super) goes_on: Column<u32>,
+    /// The bounce: direction in world coordinates, weight, density, square of the index ratio, and side (1: transmitted).
+    pub(super) wi: Columns<3>,
+    pub(super) weight: Columns<3>,
+    pub(super) pdf_w: Column<f32>,
+    pub(super) eta_squared: Column<f32>,
+    pub(super) transmitted: Column<f32>,
+}

@@ -1,0 +1,658 @@
+//! One vertex of the paths of a batch: equation 5, in steps that each fetch or calculate for all paths.
+
+use super::batch::{Batch, Lanes, Paths, SampleId, Vertices};
+use super::path::wide;
+use super::{BounceSampling, Roulette, Settings};
+use crate::accel::{Hit, Ray};
+use crate::bsdf::{Bsdf, BsdfEval, BsdfSample, Diffuse};
+use crate::columns::padded;
+use crate::interaction::{ShadingTriangle, SurfaceInteraction, texture_coordinates};
+use crate::light::{AreaLight, Emitter, LightSample};
+use crate::math::{DVec3, Frame, Rgb, Vec3};
+use crate::sampling::mis::power_heuristic;
+use crate::sampling::{Dimension, Sampler};
+use crate::scene::{Scene, SceneFeatures};
+
+/// Scattering events before roulette by throughput begins: short paths carry most of the image.
+const ROULETTE_DEPTH: u32 = 4;
+
+/// Most that a path may survive a round of roulette by throughput with: white walls would else trap it for good.
+const MAX_SURVIVAL: f32 = 0.95;
+
+/// Least that a path may survive such a round with. However little a path carries, the emitter that it meets may be as much
+/// brighter; by throughput alone a path of 1e-12 would survive once in 1e12 samples, and the light that it brings be
+/// missing from every image. Of such paths, 1 in 400 survives two rounds.
+const MIN_SURVIVAL: f32 = 0.05;
+
+/// The probability that random numbers, which are multiples of 2⁻²⁴, meet exactly: `p` rounded down to the next, but not to
+/// 0. Any other would be met by too many; one below 2⁻²⁴ by the number 0, at a weight of 1 / `p`.
+#[inline]
+fn drawable(p: f32) -> f32 {
+    const STEPS: f32 = 16_777_216.0;
+    ((p * STEPS) as i32).max(i32::from(p > 0.0)) as f32 / STEPS
+}
+
+/// Everything about scattering but the rays. `F` is the set of features that the code is compiled for.
+#[derive(Clone, Copy)]
+pub(super) struct Shading<'a, const F: u32> {
+    pub(super) scene: &'a Scene,
+    pub(super) settings: &'a Settings,
+}
+
+impl Vertices {
+    /// The triangle and the hit on it of lane `i`; the hit's indices are left out.
+    #[inline(always)]
+    fn triangle<const SMOOTH: bool>(&self, i: usize) -> (ShadingTriangle, Hit) {
+        let normal = |k: usize| if SMOOTH { self.normals[k].vec3(i) } else { Vec3::ZERO };
+        let triangle = ShadingTriangle {
+            corners: [0, 1, 2].map(|k| self.corners[k].vec3(i)),
+            normals: [0, 1, 2].map(normal),
+            orientation: self.orientation[i],
+        };
+        let [t, u, v] = self.hit.get(i);
+        let hit = Hit {
+            t,
+            u,
+            v,
+            placement: 0,
+            triangle: 0,
+        };
+        (triangle, hit)
+    }
+
+    #[inline(always)]
+    fn set_interaction(&mut self, i: usize, si: &SurfaceInteraction) {
+        self.p.set(i, si.p);
+        self.ng.set(i, si.ng);
+        self.ns.set(i, si.frame.n);
+        self.lift.set(i, si.lift);
+        self.p_error[i] = si.p_error;
+        self.front[i] = f32::from(si.front);
+    }
+
+    /// The interaction of lane `i` with a ray that came along `direction`.
+    #[inline(always)]
+    fn interaction<const SMOOTH: bool>(&self, i: usize, direction: Vec3) -> SurfaceInteraction {
+        SurfaceInteraction {
+            p: self.p.vec3(i),
+            wo: -direction,
+            ng: self.ng.vec3(i),
+            frame: Frame::from_normal(self.ns.vec3(i)),
+            front: self.front[i] > 0.0,
+            p_error: self.p_error[i],
+            lift: if SMOOTH { self.lift.vec3(i) } else { Vec3::ZERO },
+        }
+    }
+
+    #[inline(always)]
+    fn set_light(&mut self, i: usize, light: Option<LightSample>) {
+        let light = light.unwrap_or(LightSample {
+            wi: Vec3::Z,
+            radiance: Rgb::BLACK,
+            pdf_w: 0.0,
+            target: None,
+        });
+        self.light_wi.set(i, light.wi);
+        self.light_radiance.set(i, light.radiance);
+        self.light_pdf_w[i] = light.pdf_w;
+        self.light_target.set(i, light.target.unwrap_or(Vec3::ZERO));
+        self.light_is_finite[i] = f32::from(light.target.is_some());
+    }
+
+    #[inline(always)]
+    fn light(&self, i: usize) -> LightSample {
+        let target = self.light_target.vec3(i);
+        LightSample {
+            wi: self.light_wi.vec3(i),
+            radiance: self.light_radiance.rgb(i),
+            pdf_w: self.light_pdf_w[i],
+            target: (self.light_is_finite[i] > 0.0).then_some(target),
+        }
+    }
+
+    #[inline(always)]
+    fn set_shadow(&mut self, i: usize, shadow: Option<(Ray, Rgb)>) {
+        self.is_lit[i] = u32::from(shadow.is_some());
+        let (ray, light) = shadow.unwrap_or((Ray::new(Vec3::ZERO, Vec3::Z), Rgb::BLACK));
+        self.shadow_origin.set(i, ray.origin);
+        self.shadow_direction.set(i, ray.direction);
+        self.shadow_t_max[i] = ray.t_max;
+        self.shadow_light.set(i, light);
+    }
+
+    #[inline(always)]
+    fn set_bounce(&mut self, i: usize, frame: &Frame, sample: Option<BsdfSample>) {
+        self.goes_on[i] = u32::from(sample.is_some());
+        let sample = sample.unwrap_or(BsdfSample {
+            wi: Vec3::Z,
+            weight: Rgb::BLACK,
+            pdf_w: 0.0,
+            eta_squared: 1.0,
+        });
+        self.wi.set(i, frame.to_world(sample.wi));
+        self.weight.set(i, sample.weight);
+        self.pdf_w[i] = sample.pdf_w;
+        self.eta_squared[i] = sample.eta_squared;
+        self.transmitted[i] = f32::from(sample.wi.z < 0.0);
+    }
+}
+
+impl<const F: u32> Shading<'_, F> {
+    pub(super) const ENVIRONMENT: bool = SceneFeatures(F).contains(SceneFeatures::ENVIRONMENT);
+    const AREA_LIGHTS: bool = SceneFeatures(F).contains(SceneFeatures::AREA_LIGHTS);
+
+    /// Starts a path at the camera for each sample.
+    #[inline(always)]
+    pub(super) fn start(self, batch: &mut Batch) {
+        let n = batch.samples.len();
+        batch.radiance.clear();
+        batch.radiance.resize(n, DVec3::ZERO);
+        batch.alive.clear();
+        batch.alive.extend(0..n as u32);
+        let Lanes { paths, coordinates, .. } = &mut *batch.lanes;
+        for (i, SampleId { x, y, sample }) in batch.samples.iter().enumerate() {
+            for (column, value) in coordinates.iter_mut().zip([x, y, sample]) {
+                column[i] = *value;
+            }
+        }
+        for i in 0..padded(n) {
+            let [x, y, sample] = [0, 1, 2].map(|k| coordinates[k][i]);
+            let (sampler, ray) = self.camera_ray(SampleId { x, y, sample });
+            paths.sample[i] = i as u32;
+            paths.keys[0][i] = sampler.key[0];
+            paths.keys[1][i] = sampler.key[1];
+            paths.index[i] = sampler.index;
+            paths.throughput.set(i, Rgb::WHITE);
+            paths.eta_squared[i] = 1.0;
+            paths.origin.set(i, ray.origin);
+            paths.direction.set(i, ray.direction);
+            paths.p.set(i, ray.origin);
+            paths.pdf_w[i] = f32::INFINITY;
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn camera_ray(&self, SampleId { sample, y, x }: SampleId) -> (Sampler, Ray) {
+        let camera = &self.scene.camera;
+        let sampler = Sampler::new(self.settings.sampler, self.settings.seed, x, y, sample);
+        let jitter = sampler.get_2d(Dimension::Pixel);
+        let lens = if camera.has_lens() {
+            sampler.get_2d(Dimension::Lens)
+        } else {
+            [0.5; 2]
+        };
+        (sampler, camera.ray(x, y, jitter, lens))
+    }
+
+    /// Scatters each path at its hit: adds what it meets, prepares direct light, and the ray that carries the recursion.
+    #[inline(always)]
+    pub(super) fn scatter(self, depth: u32, batch: &mut Batch) {
+        batch.alive.clear();
+        batch.shadow_rays.clear();
+        batch.shadow_light.clear();
+        if Self::ENVIRONMENT {
+            self.add_escaped(batch);
+        }
+        if batch.hits.is_empty() {
+            return;
+        }
+        self.find_interactions(batch);
+        if Self::AREA_LIGHTS {
+            self.add_emitted(batch);
+        }
+        if depth == self.settings.depth_limit() {
+            return;
+        }
+        let n = batch.hits.len();
+        let Lanes { paths, vertices, .. } = &mut *batch.lanes;
+        self.find_bsdfs(&batch.hits, vertices);
+        self.draw_numbers(n, depth, paths, vertices);
+        self.sample_lights(&batch.hits, vertices);
+        self.scatter_diffuse(n, paths, vertices);
+        self.scatter_others(depth, paths, vertices);
+        self.spawn(n, depth + 1, paths, vertices);
+        let Lanes { paths, vertices, .. } = &*batch.lanes;
+        for i in 0..n {
+            if vertices.is_lit[i] & vertices.is_plain[i] != 0 {
+                batch.shadow_rays.push(Ray {
+                    origin: vertices.shadow_origin.vec3(i),
+                    direction: vertices.shadow_direction.vec3(i),
+                    t_min: 0.0,
+                    t_max: vertices.shadow_t_max[i],
+                });
+                let light = (paths.sample[i], vertices.shadow_light.rgb(i));
+                batch.shadow_light.push(light);
+            }
+            if vertices.goes_on[i] & vertices.is_plain[i] != 0 {
+                batch.alive.push(i as u32);
+            }
+        }
+    }
+
+    /// Adds the environment's light to paths that met nothing.
+    #[inline(always)]
+    fn add_escaped(self, batch: &mut Batch) {
+        let Some(environment) = self.scene.lights.environment() else {
+            return;
+        };
+        let Lanes { escaped, vertices, .. } = &mut *batch.lanes;
+        let places = &mut vertices.places;
+        environment.locate_lanes(escaped.paths.len(), &escaped.directions, places);
+        for (i, (sample, throughput, pdf_w)) in escaped.paths.iter().enumerate() {
+            let (radiance, light_pdf_w) = self.scene.lights.environment_lookup(environment, &places.get(i));
+            let light = radiance * self.hit_weight(*pdf_w, light_pdf_w);
+            batch.radiance[*sample as usize] += wide(*throughput * light);
+        }
+    }
+
+    /// Fetches the triangles that were hit, and computes what shading needs to know.
+    #[inline(always)]
+    fn find_interactions(self, batch: &mut Batch) {
+        let Batch { hits, lanes, .. } = batch;
+        let Lanes { paths, vertices, .. } = &mut **lanes;
+        if SceneFeatures(F).contains(SceneFeatures::SMOOTH_NORMALS) {
+            self.interact::<true>(hits, paths, vertices);
+        } else {
+            self.interact::<false>(hits, paths, vertices);
+        }
+    }
+
+    #[inline(always)]
+    fn interact<const SMOOTH: bool>(self, hits: &[Hit], paths: &Paths, vertices: &mut Vertices) {
+        let lift = self.settings.smooth_terminator;
+        for (i, hit) in hits.iter().enumerate() {
+            let triangle = ShadingTriangle::new::<SMOOTH>(&self.scene.geometry, hit);
+            vertices.hit.set(i, [hit.t, hit.u, hit.v]);
+            for k in 0..3 {
+                vertices.corners[k].set(i, triangle.corners[k]);
+                if SMOOTH {
+                    vertices.normals[k].set(i, triangle.normals[k]);
+                }
+            }
+            vertices.orientation[i] = triangle.orientation;
+        }
+        for i in 0..padded(hits.len()) {
+            let (triangle, hit) = vertices.triangle::<SMOOTH>(i);
+            let ray = paths.ray(i);
+            let (p, winding, is_plain) = triangle.plain_point(&ray, &hit);
+            let si = SurfaceInteraction::at::<SMOOTH>(&triangle, &ray, &hit, p, winding, lift);
+            vertices.set_interaction(i, &si);
+            vertices.is_plain[i] = u32::from(is_plain);
+        }
+        let all_plain = (0..hits.len()).fold(1, |all, i| all & vertices.is_plain[i]);
+        if all_plain == 0 {
+            self.interact_exactly::<SMOOTH>(hits, paths, vertices);
+        }
+    }
+
+    #[cold]
+    fn interact_exactly<const SMOOTH: bool>(self, hits: &[Hit], paths: &Paths, vertices: &mut Vertices) {
+        for (i, hit) in hits.iter().enumerate() {
+            if vertices.is_plain[i] == 0 {
+                let ray = paths.ray(i);
+                let lift = self.settings.smooth_terminator;
+                if let Some(si) = SurfaceInteraction::new::<SMOOTH>(&self.scene.geometry, &ray, hit, lift) {
+                    vertices.set_interaction(i, &si);
+                    vertices.is_plain[i] = 1;
+                }
+            }
+        }
+    }
+
+    /// The interaction of lane `i`, whose path has not been turned yet.
+    #[inline(always)]
+    fn interaction(self, i: usize, paths: &Paths, vertices: &Vertices) -> SurfaceInteraction {
+        let direction = paths.direction.vec3(i);
+        if SceneFeatures(F).contains(SceneFeatures::SMOOTH_NORMALS) {
+            vertices.interaction::<true>(i, direction)
+        } else {
+            vertices.interaction::<false>(i, direction)
+        }
+    }
+
+    /// Adds the light of emitters that paths met.
+    #[inline(always)]
+    fn add_emitted(self, batch: &mut Batch) {
+        let Lanes { paths, vertices, .. } = &*batch.lanes;
+        for (i, hit) in batch.hits.iter().enumerate() {
+            let Some((emission, first_light)) = &self.scene.surfaces[hit.placement as usize].emission else {
+                continue;
+            };
+            let radiance = emission.from_side(vertices.front[i] > 0.0);
+            if radiance.is_black() || vertices.is_plain[i] == 0 {
+                continue;
+            }
+            let cos = vertices.ng.vec3(i).dot(paths.direction.vec3(i));
+            let distance_squared = paths.p.vec3(i).distance_squared(vertices.p.vec3(i));
+            let lights = &self.scene.lights;
+            let light_pdf_w = lights.area_pdf_w(first_light + hit.triangle, distance_squared, cos);
+            let light = radiance * self.hit_weight(paths.pdf_w[i], light_pdf_w);
+            batch.radiance[paths.sample[i] as usize] += wide(paths.throughput.rgb(i) * light);
+        }
+    }
+
+    /// Finds how each hit scatters.
+    #[inline(always)]
+    fn find_bsdfs(self, hits: &[Hit], vertices: &mut Vertices) {
+        vertices.others.clear();
+        for (i, hit) in hits.iter().enumerate() {
+            let bsdf = self.bsdf(hit, vertices.front[i] > 0.0);
+            match bsdf {
+                Bsdf::Diffuse(Diffuse { reflectance })
+                    if self.settings.bounce_sampling == BounceSampling::Bsdf || reflectance.is_black() =>
+                {
+                    vertices.reflectance.set(i, reflectance);
+                }
+                _ => vertices.others.push((i as u32, bsdf)),
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn bsdf(&self, hit: &Hit, front: bool) -> Bsdf {
+        let features = SceneFeatures(F);
+        let surface = &self.scene.surfaces[hit.placement as usize];
+        let material = &self.scene.materials[surface.material as usize];
+        let textures = &self.scene.textures;
+        let uv = || texture_coordinates(&self.scene.geometry, hit);
+        match (
+            features.contains(SceneFeatures::TEXTURES),
+            features.contains(SceneFeatures::SPECULAR),
+        ) {
+            (false, false) => material.bsdf::<false, false>(textures, uv, front),
+            (true, false) => material.bsdf::<true, false>(textures, uv, front),
+            (false, true) => material.bsdf::<false, true>(textures, uv, front),
+            (true, true) => material.bsdf::<true, true>(textures, uv, front),
+        }
+    }
+
+    /// Draws the random numbers that most paths need.
+    #[inline(always)]
+    fn draw_numbers(self, n: usize, depth: u32, paths: &Paths, vertices: &mut Vertices) {
+        let n = padded(n);
+        let kind = self.settings.sampler;
+        let sampler = |i| paths.sampler(i, kind, depth);
+        if Self::AREA_LIGHTS {
+            for i in 0..n {
+                let [high, low] = sampler(i).get_bits(Dimension::LightChoice);
+                vertices.light_choice[0][i] = high;
+                vertices.light_choice[1][i] = low;
+            }
+        }
+        if Self::ENVIRONMENT {
+            for i in 0..n {
+                let [high, low] = sampler(i).get_bits(Dimension::Texel);
+                vertices.texel_choice[0][i] = high;
+                vertices.texel_choice[1][i] = low;
+            }
+        }
+        if Self::AREA_LIGHTS || Self::ENVIRONMENT {
+            for i in 0..n {
+                vertices
+                    .light_position
+                    .set(i, sampler(i).get_2d(Dimension::LightPosition));
+            }
+        }
+        for i in 0..n {
+            vertices.direction.set(i, sampler(i).get_2d(Dimension::Direction));
+        }
+        if self.plays_roulette(depth + 1) {
+            for i in 0..n {
+                vertices.roulette[i] = sampler(i).get_1d(Dimension::Roulette);
+            }
+        }
+    }
+
+    /// Draws the emitter sample of each hit.
+    #[inline(always)]
+    fn sample_lights(self, hits: &[Hit], vertices: &mut Vertices) {
+        let lights = &self.scene.lights;
+        let n = hits.len();
+        vertices.emitters.clear();
+        vertices.sky.clear();
+        for (i, hit) in hits.iter().enumerate() {
+            let [high, low] = [0, 1].map(|k| vertices.light_choice[k][i]);
+            let bits = u64::from(high) << 32 | u64::from(low);
+            let emitter = match (Self::AREA_LIGHTS, Self::ENVIRONMENT) {
+                _ if self.scene.surfaces[hit.placement as usize].is_delta => Emitter::None,
+                (true, true) => lights.choose::<true, true>(bits),
+                (true, false) => lights.choose::<true, false>(bits),
+                (false, true) => lights.choose::<false, true>(bits),
+                (false, false) => Emitter::None,
+            };
+            match emitter {
+                Emitter::Area(light) if Self::AREA_LIGHTS => {
+                    vertices.area_lights.set(i, lights.area(light).to_array());
+                }
+                Emitter::Environment if Self::ENVIRONMENT => vertices.sky.push(i as u32),
+                _ => {}
+            }
+            vertices.emitters.push(emitter);
+        }
+        if Self::AREA_LIGHTS {
+            for i in 0..padded(n) {
+                let light = AreaLight::from_array(vertices.area_lights.get(i));
+                let sample = light.sample(vertices.p.vec3(i), vertices.light_position.get(i));
+                vertices.set_light(i, sample);
+            }
+        }
+        if Self::ENVIRONMENT
+            && let Some(environment) = lights.environment()
+        {
+            for &i in &vertices.sky {
+                let i = i as usize;
+                let [high, low] = [0, 1].map(|k| vertices.texel_choice[k][i]);
+                vertices.texels[i] = environment.choose_texel(u64::from(high) << 32 | u64::from(low));
+            }
+            environment.sample_lanes(n, &vertices.texels, &vertices.light_position, &mut vertices.places);
+            for k in 0..vertices.sky.len() {
+                let i = vertices.sky[k] as usize;
+                let sample = lights.sample_environment(environment, &vertices.places.get(i));
+                vertices.set_light(i, sample);
+            }
+        }
+        for i in 0..n {
+            if vertices.emitters[i] == Emitter::None {
+                vertices.set_light(i, None);
+            }
+        }
+    }
+
+    /// Scatters at diffuse hits.
+    #[inline(always)]
+    fn scatter_diffuse(self, n: usize, paths: &Paths, vertices: &mut Vertices) {
+        if vertices.others.len() == n {
+            return;
+        }
+        let mis = self.settings.mis;
+        for i in 0..padded(n) {
+            let si = self.interaction(i, paths, vertices);
+            let bsdf = Diffuse {
+                reflectance: vertices.reflectance.rgb(i),
+            };
+            let light = vertices.light(i);
+            let wi = si.frame.to_local(light.wi);
+            let eval = bsdf.eval(wi);
+            let shadow = Self::direct(mis, &light, &si, wi, eval, eval.pdf_w, paths.throughput.rgb(i));
+            vertices.set_shadow(i, shadow);
+        }
+        for i in 0..padded(n) {
+            let bsdf = Diffuse {
+                reflectance: vertices.reflectance.rgb(i),
+            };
+            let frame = Frame::from_normal(vertices.ns.vec3(i));
+            let sample = bsdf.sample(vertices.direction.get(i));
+            vertices.set_bounce(i, &frame, sample);
+        }
+    }
+
+    /// Scatters at the other hits.
+    #[inline(always)]
+    fn scatter_others(self, depth: u32, paths: &Paths, vertices: &mut Vertices) {
+        let mis = self.settings.mis;
+        for k in 0..vertices.others.len() {
+            let (i, bsdf) = vertices.others[k];
+            let i = i as usize;
+            if bsdf.is_black() {
+                vertices.set_shadow(i, None);
+                vertices.goes_on[i] = 0;
+                continue;
+            }
+            let si = self.interaction(i, paths, vertices);
+            let wo = si.frame.to_local(si.wo);
+            let light = vertices.light(i);
+            let shadow = if light.pdf_w > 0.0 {
+                let wi = si.frame.to_local(light.wi);
+                let eval = bsdf.eval(wo, wi);
+                let pdf_w = self.bounce_pdf_w(&bsdf, wi, eval.pdf_w);
+                Self::direct(mis, &light, &si, wi, eval, pdf_w, paths.throughput.rgb(i))
+            } else {
+                None
+            };
+            vertices.set_shadow(i, shadow);
+            let sampler = paths.sampler(i, self.settings.sampler, depth);
+            let sample = self.sample_bounce(&bsdf, wo, &sampler, vertices.direction.get(i));
+            vertices.set_bounce(i, &si.frame, sample);
+        }
+    }
+
+    /// Direct light by one emitter sample (equations 6 to 10) in the local direction `wi`, and the ray that tells whether
+    /// it arrives. `pdf_w` is the density with which a bounce goes there.
+    #[inline(always)]
+    fn direct(
+        mis: bool,
+        light: &LightSample,
+        si: &SurfaceInteraction,
+        wi: Vec3,
+        eval: BsdfEval,
+        pdf_w: f32,
+        throughput: Rgb,
+    ) -> Option<(Ray, Rgb)> {
+        let weight = if mis { power_heuristic(light.pdf_w, pdf_w) } else { 1.0 };
+        let transmitted = wi.z < 0.0;
+        let away = si.spawn_ray(light.wi, transmitted);
+        let (ray, is_ray) = match light.target {
+            Some(target) => {
+                let ray = si.spawn_ray_to(target, transmitted);
+                (ray.unwrap_or(away), ray.is_some())
+            }
+            None => (away, true),
+        };
+        let is_lit = is_ray & (light.pdf_w > 0.0) & !eval.value.is_black();
+        let light = throughput * (eval.value * light.radiance * (weight / light.pdf_w));
+        is_lit.then_some((ray, light))
+    }
+
+    /// Turns the paths that go on after their `depth`-th scattering event.
+    #[inline(always)]
+    fn spawn(self, n: usize, depth: u32, paths: &mut Paths, vertices: &mut Vertices) {
+        // Past the limit a bounce counts only by the emitter it hits, and not even so without MIS.
+        let is_last = depth == self.settings.depth_limit() && !self.settings.mis;
+        let plays_roulette = self.plays_roulette(depth);
+        let fixed_survival = match self.settings.roulette {
+            Roulette::Fixed(survival) => Some(drawable(survival)),
+            _ => None,
+        };
+        for i in 0..padded(n) {
+            let si = self.interaction(i, paths, vertices);
+            let mut throughput = paths.throughput.rgb(i) * vertices.weight.rgb(i);
+            let eta_squared = paths.eta_squared[i] * vertices.eta_squared[i];
+            let pdf_w = vertices.pdf_w[i];
+            let mut goes_on = !is_last | (pdf_w == f32::INFINITY);
+            if plays_roulette {
+                let survival = fixed_survival.unwrap_or(survival(throughput, eta_squared));
+                goes_on &= vertices.roulette[i] < survival;
+                throughput = throughput / survival;
+            }
+            goes_on &= throughput.max_component() > 0.0;
+            vertices.goes_on[i] &= u32::from(goes_on);
+            paths.throughput.set(i, throughput);
+            paths.eta_squared[i] = eta_squared;
+            paths.p.set(i, si.p);
+            paths.pdf_w[i] = pdf_w;
+            paths.origin.set(i, si.origin(vertices.transmitted[i] > 0.0));
+            paths.direction.set(i, vertices.wi.vec3(i));
+        }
+    }
+
+    /// The weight of an emitter that a bounce of density `pdf_w` hit, whose emitter sample would have had the other one.
+    #[inline(always)]
+    fn hit_weight(&self, pdf_w: f32, light_pdf_w: f32) -> f32 {
+        if pdf_w == f32::INFINITY {
+            1.0
+        } else if self.settings.mis {
+            power_heuristic(pdf_w, light_pdf_w)
+        } else {
+            0.0
+        }
+    }
+
+    /// The direction that carries the recursion (equation 11).
+    #[inline(always)]
+    fn sample_bounce(&self, bsdf: &Bsdf, wo: Vec3, sampler: &Sampler, u: [f32; 2]) -> Option<BsdfSample> {
+        let lobe = if bsdf.has_lobes() {
+            sampler.get_1d(Dimension::Lobe)
+        } else {
+            0.0
+        };
+        match self.settings.bounce_sampling {
+            BounceSampling::Cosine if !bsdf.is_delta() => bsdf.sample_hemisphere(wo, true, lobe, u),
+            BounceSampling::Uniform if !bsdf.is_delta() => bsdf.sample_hemisphere(wo, false, lobe, u),
+            _ => bsdf.sample(wo, lobe, u),
+        }
+    }
+
+    /// Density of [`Self::sample_bounce`], given that of the BSDF's own sampling.
+    #[inline(always)]
+    fn bounce_pdf_w(&self, bsdf: &Bsdf, wi: Vec3, bsdf_pdf_w: f32) -> f32 {
+        match self.settings.bounce_sampling {
+            BounceSampling::Bsdf => bsdf_pdf_w,
+            BounceSampling::Cosine => bsdf.hemisphere_pdf_w(true, wi),
+            BounceSampling::Uniform => bsdf.hemisphere_pdf_w(false, wi),
+        }
+    }
+
+    /// Whether a path may end by chance after its `depth`-th scattering event.
+    fn plays_roulette(&self, depth: u32) -> bool {
+        match self.settings.roulette {
+            Roulette::Off => false,
+            Roulette::Fixed(_) => true,
+            Roulette::Throughput => depth >= ROULETTE_DEPTH,
+        }
+    }
+}
+
+/// The probability that a path goes on by its throughput.
+#[inline(always)]
+#[allow(clippy::manual_clamp, reason = "clamp keeps NaN, and a path of NaN would never end")]
+fn survival(throughput: Rgb, eta_squared: f32) -> f32 {
+    (throughput.max_component() * eta_squared)
+        .max(MIN_SURVIVAL)
+        .min(MAX_SURVIVAL)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn probabilities_are_met_by_exactly_as_many_random_numbers() {
+        let step = 1.0 / 16_777_216.0;
+        for p in [
+            f32::MIN_POSITIVE,
+            1e-9,
+            step,
+            1.5 * step,
+            1e-6,
+            0.05,
+            0.3,
+            MAX_SURVIVAL,
+            1f32.next_down(),
+        ] {
+            let met = drawable(p);
+            assert!(met > 0.0 && met < 1.0 && (met - p).abs() <= step, "{p} {met}");
+            assert_eq!((met / step).fract(), 0.0, "{p} {met}");
+        }
+        assert_eq!([0.0, f32::NAN].map(drawable), [0.0; 2]);
+    }
+}
