@@ -74,8 +74,9 @@ pub(super) struct Paths {
     pub(super) keys: [Column<u32>; 2],
     pub(super) index: Column<u32>,
     pub(super) throughput: Columns<3>,
-    /// Undoes the solid-angle factor of refraction in roulette decisions.
-    pub(super) eta_squared: Column<f32>,
+    /// What roulette multiplies the throughput by: a constant, over the weight of the first scattering, and the square of
+    /// the index ratios that light was refracted by, so that paths inside glass do not die of what they regain on leaving.
+    pub(super) roulette_scale: Column<f32>,
     /// The ray to the next vertex.
     pub(super) origin: Columns<3>,
     pub(super) direction: Columns<3>,
@@ -111,7 +112,7 @@ impl Paths {
             keys: [key_0, key_1],
             index,
             throughput,
-            eta_squared,
+            roulette_scale,
             origin,
             direction,
             p,
@@ -120,7 +121,7 @@ impl Paths {
         for column in [sample, key_0, key_1, index] {
             column[to] = column[from];
         }
-        for column in [eta_squared, pdf_w] {
+        for column in [roulette_scale, pdf_w] {
             column[to] = column[from];
         }
         for columns in [throughput, origin, direction, p] {

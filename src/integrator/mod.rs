@@ -58,7 +58,7 @@ pub enum BounceSampling {
 /// How paths end.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Roulette {
-    /// By the throughput, after the first few bounces.
+    /// By the throughput relative to that after the first bounce.
     #[default]
     Throughput,
     /// By the depth limit alone.

@@ -13,11 +13,19 @@ use crate::sampling::mis::power_heuristic;
 use crate::sampling::{Dimension, Sampler};
 use crate::scene::{Scene, SceneFeatures};
 
-/// Scattering events before roulette by throughput begins: short paths carry most of the image.
-const ROULETTE_DEPTH: u32 = 4;
+/// Roulette by throughput lets a path survive with this times what it carries, relative to its first scattering. The
+/// variance that a path may still bring grows with the square of its weight and its cost does not depend on it, so the best
+/// that roulette can do is to keep weights equal; with a factor of 1 they would be kept as large as at the first vertex,
+/// where all of the pixel's light arrives, and more error added than time saved (docs/performance.md). Relative to the first
+/// scattering, because that is how an error counts: paths from dark surfaces are worth as much as those from bright ones.
+const ROULETTE_FACTOR: f32 = 3.0;
 
-/// Most that a path may survive a round of roulette by throughput with: white walls would else trap it for good.
+/// Most that a path may survive a round of roulette by throughput with after [`TRAPPED_DEPTH`] scattering events: white walls
+/// would else trap it for good.
 const MAX_SURVIVAL: f32 = 0.95;
+
+/// See [`MAX_SURVIVAL`].
+const TRAPPED_DEPTH: u32 = 4;
 
 /// Least that a path may survive such a round with. However little a path carries, the emitter that it meets may be as much
 /// brighter; by throughput alone a path of 1e-12 would survive once in 1e12 samples, and the light that it brings be
@@ -163,7 +171,7 @@ impl<const F: u32> Shading<'_, F> {
             paths.keys[1][i] = sampler.key[1];
             paths.index[i] = sampler.index;
             paths.throughput.set(i, Rgb::WHITE);
-            paths.eta_squared[i] = 1.0;
+            paths.roulette_scale[i] = ROULETTE_FACTOR;
             paths.origin.set(i, ray.origin);
             paths.direction.set(i, ray.direction);
             paths.p.set(i, ray.origin);
@@ -396,7 +404,7 @@ impl<const F: u32> Shading<'_, F> {
         for i in 0..n {
             vertices.direction.set(i, sampler(i).get_2d(Dimension::Direction));
         }
-        if self.plays_roulette(depth + 1) {
+        if self.plays_roulette() {
             for i in 0..n {
                 vertices.roulette[i] = sampler(i).get_1d(Dimension::Roulette);
             }
@@ -548,7 +556,9 @@ impl<const F: u32> Shading<'_, F> {
     fn spawn(self, n: usize, depth: u32, paths: &mut Paths, vertices: &mut Vertices) {
         // Past the limit a bounce counts only by the emitter it hits, and not even so without MIS.
         let is_last = depth == self.settings.depth_limit() && !self.settings.mis;
-        let plays_roulette = self.plays_roulette(depth);
+        let plays_roulette = self.plays_roulette();
+        let is_first = depth == 1;
+        let max_survival = if depth < TRAPPED_DEPTH { 1.0 } else { MAX_SURVIVAL };
         let fixed_survival = match self.settings.roulette {
             Roulette::Fixed(survival) => Some(drawable(survival)),
             _ => None,
@@ -556,18 +566,19 @@ impl<const F: u32> Shading<'_, F> {
         for i in 0..padded(n) {
             let si = self.interaction(i, paths, vertices);
             let mut throughput = paths.throughput.rgb(i) * vertices.weight.rgb(i);
-            let eta_squared = paths.eta_squared[i] * vertices.eta_squared[i];
+            let first = if is_first { throughput.max_component() } else { 1.0 };
+            let roulette_scale = paths.roulette_scale[i] * vertices.eta_squared[i] / first;
             let pdf_w = vertices.pdf_w[i];
             let mut goes_on = !is_last | (pdf_w == f32::INFINITY);
             if plays_roulette {
-                let survival = fixed_survival.unwrap_or(survival(throughput, eta_squared));
+                let survival = fixed_survival.unwrap_or(survival(throughput * roulette_scale, max_survival));
                 goes_on &= vertices.roulette[i] < survival;
                 throughput = throughput / survival;
             }
             goes_on &= throughput.max_component() > 0.0;
             vertices.goes_on[i] &= u32::from(goes_on);
             paths.throughput.set(i, throughput);
-            paths.eta_squared[i] = eta_squared;
+            paths.roulette_scale[i] = roulette_scale;
             paths.p.set(i, si.p);
             paths.pdf_w[i] = pdf_w;
             paths.origin.set(i, si.origin(vertices.transmitted[i] > 0.0));
@@ -612,23 +623,17 @@ impl<const F: u32> Shading<'_, F> {
         }
     }
 
-    /// Whether a path may end by chance after its `depth`-th scattering event.
-    fn plays_roulette(&self, depth: u32) -> bool {
-        match self.settings.roulette {
-            Roulette::Off => false,
-            Roulette::Fixed(_) => true,
-            Roulette::Throughput => depth >= ROULETTE_DEPTH,
-        }
+    /// Whether paths may end by chance.
+    fn plays_roulette(&self) -> bool {
+        self.settings.roulette != Roulette::Off
     }
 }
 
-/// The probability that a path goes on by its throughput.
+/// The probability that a path goes on, by its scaled throughput.
 #[inline(always)]
 #[allow(clippy::manual_clamp, reason = "clamp keeps NaN, and a path of NaN would never end")]
-fn survival(throughput: Rgb, eta_squared: f32) -> f32 {
-    (throughput.max_component() * eta_squared)
-        .max(MIN_SURVIVAL)
-        .min(MAX_SURVIVAL)
+fn survival(carried: Rgb, max_survival: f32) -> f32 {
+    carried.max_component().max(MIN_SURVIVAL).min(max_survival)
 }
 
 #[cfg(test)]

@@ -23,7 +23,8 @@ use geometry::Interaction;
 use light::{LightSample, Lights};
 
 /// Scattering events before roulette, and the least and the most that a path may survive a round with.
-const ROULETTE_DEPTH: u32 = 4;
+const ROULETTE_FACTOR: f64 = 3.0;
+const TRAPPED_DEPTH: u32 = 4;
 const MIN_SURVIVAL: f64 = 0.05;
 const MAX_SURVIVAL: f64 = 0.95;
 
@@ -88,7 +89,7 @@ impl<'a> Reference<'a> {
         let mut sampler = Sampler::new(self.settings.sampler, self.settings.seed, x, y, sample);
         let mut ray = self.camera.ray(x, y, &sampler);
         let mut throughput = DVec3::ONE;
-        let mut eta_squared = 1.0;
+        let mut roulette_scale = ROULETTE_FACTOR;
         let (mut previous, mut bounce_pdf_w) = (ray.origin, f64::INFINITY);
         let mut path = Path::default();
         for depth in 0.. {
@@ -141,16 +142,18 @@ impl<'a> Reference<'a> {
                 break;
             };
             throughput *= sample.weight;
-            eta_squared *= sample.eta_squared;
-            if depth + 1 >= ROULETTE_DEPTH {
-                let survival = (throughput.max_element() * eta_squared).clamp(MIN_SURVIVAL, MAX_SURVIVAL);
-                let u = f64::from(sampler.get_1d(Dimension::Roulette));
-                vertex.margins.roulette = (u / survival - 1.0).abs();
-                if u >= survival {
-                    break;
-                }
-                throughput /= survival;
+            roulette_scale *= sample.eta_squared;
+            if depth == 0 {
+                roulette_scale /= throughput.max_element();
             }
+            let max_survival = if depth + 1 < TRAPPED_DEPTH { 1.0 } else { MAX_SURVIVAL };
+            let survival = (throughput.max_element() * roulette_scale).clamp(MIN_SURVIVAL, max_survival);
+            let u = f64::from(sampler.get_1d(Dimension::Roulette));
+            vertex.margins.roulette = (u / survival - 1.0).abs();
+            if u >= survival {
+                break;
+            }
+            throughput /= survival;
             (previous, bounce_pdf_w) = (si.p, sample.pdf_w);
             sampler.set_bounce(depth + 1);
             ray = si.spawn_ray(si.frame.to_world(sample.wi), sample.wi.z < 0.0);
