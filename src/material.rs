@@ -152,6 +152,11 @@ impl Material {
         matches!(self.scattering, Scattering::Diffuse { .. })
     }
 
+    /// Whether light can pass to the other side.
+    pub fn transmits(&self) -> bool {
+        matches!(self.scattering, Scattering::Dielectric { .. })
+    }
+
     /// Whether it scatters into single directions only, at every point and on both sides.
     pub fn is_delta(&self) -> bool {
         match self.scattering {

@@ -75,7 +75,7 @@ fn camera_shadow_and_bounce_rays_hit_the_same_on_both_backends_in_every_scene() 
                 continue;
             };
             let sampler = Sampler::new(SamplerKind::Independent, 3, x, y, i as u32);
-            let Some(light) = scene.lights.sample(si.p, &sampler) else {
+            let Some(light) = scene.lights.sample(si.p, si.frame.n, &sampler) else {
                 continue;
             };
             let shadow = match light.target {

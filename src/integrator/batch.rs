@@ -4,7 +4,7 @@ use crate::accel::{Hit, Ray};
 use crate::bsdf::Bsdf;
 use crate::columns::{Column, Columns, LANES};
 use crate::light::{AreaLightColumns, Emitter, EnvironmentColumns};
-use crate::math::{DVec3, Rgb};
+use crate::math::{DVec3, Rgb, Vec3};
 use crate::sampling::{Sampler, SamplerKind};
 use serde::Serialize;
 
@@ -80,9 +80,10 @@ pub(super) struct Paths {
     /// The ray to the next vertex.
     pub(super) origin: Columns<3>,
     pub(super) direction: Columns<3>,
-    /// What the next hit on an emitter needs to know of the vertex that led there: where it is, and the density of the
-    /// direction [1/sr]; infinite for camera rays and delta lobes.
+    /// What the next hit on an emitter needs to know of the vertex that led there: where it is, the side that light was
+    /// sampled on (both if zero), and the density of the direction [1/sr]; infinite for camera rays and delta lobes.
     pub(super) p: Columns<3>,
+    pub(super) n: Columns<3>,
     pub(super) pdf_w: Column<f32>,
 }
 
@@ -116,6 +117,7 @@ impl Paths {
             origin,
             direction,
             p,
+            n,
             pdf_w,
         } = self;
         for column in [sample, key_0, key_1, index] {
@@ -124,7 +126,7 @@ impl Paths {
         for column in [roulette_scale, pdf_w] {
             column[to] = column[from];
         }
-        for columns in [throughput, origin, direction, p] {
+        for columns in [throughput, origin, direction, p, n] {
             columns.copy(from, to);
         }
     }
@@ -133,9 +135,19 @@ impl Paths {
 /// Paths that met nothing.
 #[derive(Debug, Default)]
 pub(super) struct Escaped {
-    /// Sample, throughput and density, as in [`Paths`].
-    pub(super) paths: Vec<(u32, Rgb, f32)>,
+    /// Where they come from, as in [`Paths`].
+    pub(super) paths: Vec<EscapedPath>,
     pub(super) directions: Columns<3>,
+}
+
+/// See [`Paths`].
+#[derive(Clone, Copy, Debug)]
+pub(super) struct EscapedPath {
+    pub(super) sample: u32,
+    pub(super) throughput: Rgb,
+    pub(super) p: Vec3,
+    pub(super) n: Vec3,
+    pub(super) pdf_w: f32,
 }
 
 /// The vertices at which paths scatter.
@@ -166,8 +178,11 @@ pub(super) struct Vertices {
     /// Albedo where scattering is diffuse; the others are listed with their lanes.
     pub(super) reflectance: Columns<3>,
     pub(super) others: Vec<(u32, Bsdf)>,
-    /// The emitter to sample; the triangle, or the place on the environment.
+    /// The normal on whose side light counts; zero where both sides do.
+    pub(super) light_side: Columns<3>,
+    /// The emitter to sample, and the probability of it; the triangle, or the place on the environment.
     pub(super) emitters: Vec<Emitter>,
+    pub(super) emitter_pmf: Column<f32>,
     pub(super) area_lights: AreaLightColumns,
     /// Lanes that sample the environment, and their texels.
     pub(super) sky: Vec<u32>,

@@ -8,7 +8,7 @@
 //! shadow rays faster together than alone; a loop that only fetches waits for many loads at once; and a loop that only
 //! calculates becomes vector instructions. What a path computes does not depend on the others in its batch.
 
-use super::batch::{Batch, Lanes, SampleId};
+use super::batch::{Batch, EscapedPath, Lanes, SampleId};
 use super::vertex::Shading;
 use super::{RayCounts, Settings};
 use crate::accel::{Accel, Hit, Ray};
@@ -115,9 +115,13 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
                 hits.push(hit);
             } else if Shading::<F>::ENVIRONMENT {
                 escaped.directions.set(escaped.paths.len(), ray.direction);
-                escaped
-                    .paths
-                    .push((paths.sample[i], paths.throughput.rgb(i), paths.pdf_w[i]));
+                escaped.paths.push(EscapedPath {
+                    sample: paths.sample[i],
+                    throughput: paths.throughput.rgb(i),
+                    p: paths.p.vec3(i),
+                    n: paths.n.vec3(i),
+                    pdf_w: paths.pdf_w[i],
+                });
             }
         }
     }

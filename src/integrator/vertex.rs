@@ -175,6 +175,7 @@ impl<const F: u32> Shading<'_, F> {
             paths.origin.set(i, ray.origin);
             paths.direction.set(i, ray.direction);
             paths.p.set(i, ray.origin);
+            paths.n.set(i, Vec3::ZERO);
             paths.pdf_w[i] = f32::INFINITY;
         }
     }
@@ -246,10 +247,11 @@ impl<const F: u32> Shading<'_, F> {
         let Lanes { escaped, vertices, .. } = &mut *batch.lanes;
         let places = &mut vertices.places;
         environment.locate_lanes(escaped.paths.len(), &escaped.directions, places);
-        for (i, (sample, throughput, pdf_w)) in escaped.paths.iter().enumerate() {
-            let (radiance, light_pdf_w) = self.scene.lights.environment_lookup(environment, &places.get(i));
-            let light = radiance * self.hit_weight(*pdf_w, light_pdf_w);
-            batch.radiance[*sample as usize] += wide(*throughput * light);
+        for (i, path) in escaped.paths.iter().enumerate() {
+            let (radiance, pdf_w) = environment.lookup(&places.get(i));
+            let light_pdf_w = || pdf_w * self.scene.lights.environment_pmf(path.p, path.n);
+            let light = radiance * self.hit_weight(path.pdf_w, light_pdf_w);
+            batch.radiance[path.sample as usize] += wide(path.throughput * light);
         }
     }
 
@@ -331,9 +333,12 @@ impl<const F: u32> Shading<'_, F> {
                 continue;
             }
             let cos = vertices.ng.vec3(i).dot(paths.direction.vec3(i));
-            let distance_squared = paths.p.vec3(i).distance_squared(vertices.p.vec3(i));
-            let lights = &self.scene.lights;
-            let light_pdf_w = lights.area_pdf_w(first_light + hit.triangle, distance_squared, cos);
+            let (p, n) = (paths.p.vec3(i), paths.n.vec3(i));
+            let light_pdf_w = || {
+                let distance_squared = p.distance_squared(vertices.p.vec3(i));
+                let lights = &self.scene.lights;
+                lights.area_pdf_w(first_light + hit.triangle, p, n, distance_squared, cos)
+            };
             let light = radiance * self.hit_weight(paths.pdf_w[i], light_pdf_w);
             batch.radiance[paths.sample[i] as usize] += wide(paths.throughput.rgb(i) * light);
         }
@@ -421,13 +426,22 @@ impl<const F: u32> Shading<'_, F> {
         for (i, hit) in hits.iter().enumerate() {
             let [high, low] = [0, 1].map(|k| vertices.light_choice[k][i]);
             let bits = u64::from(high) << 32 | u64::from(low);
-            let emitter = match (Self::AREA_LIGHTS, Self::ENVIRONMENT) {
-                _ if self.scene.surfaces[hit.placement as usize].is_delta => Emitter::None,
-                (true, true) => lights.choose::<true, true>(bits),
-                (true, false) => lights.choose::<true, false>(bits),
-                (false, true) => lights.choose::<false, true>(bits),
-                (false, false) => Emitter::None,
+            let surface = &self.scene.surfaces[hit.placement as usize];
+            let n = if surface.transmits {
+                Vec3::ZERO
+            } else {
+                vertices.ns.vec3(i)
             };
+            let p = vertices.p.vec3(i);
+            let (emitter, pmf) = match (Self::AREA_LIGHTS, Self::ENVIRONMENT) {
+                _ if surface.is_delta => (Emitter::None, 0.0),
+                (true, true) => lights.choose::<true, true>(p, n, bits),
+                (true, false) => lights.choose::<true, false>(p, n, bits),
+                (false, true) => lights.choose::<false, true>(p, n, bits),
+                (false, false) => (Emitter::None, 0.0),
+            };
+            vertices.light_side.set(i, n);
+            vertices.emitter_pmf[i] = pmf;
             match emitter {
                 Emitter::Area(light) if Self::AREA_LIGHTS => {
                     vertices.area_lights.set(i, lights.area(light).to_array());
@@ -440,7 +454,11 @@ impl<const F: u32> Shading<'_, F> {
         if Self::AREA_LIGHTS {
             for i in 0..padded(n) {
                 let light = AreaLight::from_array(vertices.area_lights.get(i));
-                let sample = light.sample(vertices.p.vec3(i), vertices.light_position.get(i));
+                let sample = light.sample(
+                    vertices.emitter_pmf[i],
+                    vertices.p.vec3(i),
+                    vertices.light_position.get(i),
+                );
                 vertices.set_light(i, sample);
             }
         }
@@ -455,7 +473,7 @@ impl<const F: u32> Shading<'_, F> {
             environment.sample_lanes(n, &vertices.texels, &vertices.light_position, &mut vertices.places);
             for k in 0..vertices.sky.len() {
                 let i = vertices.sky[k] as usize;
-                let sample = lights.sample_environment(environment, &vertices.places.get(i));
+                let sample = lights.sample_environment(environment, vertices.emitter_pmf[i], &vertices.places.get(i));
                 vertices.set_light(i, sample);
             }
         }
@@ -580,6 +598,7 @@ impl<const F: u32> Shading<'_, F> {
             paths.throughput.set(i, throughput);
             paths.roulette_scale[i] = roulette_scale;
             paths.p.set(i, si.p);
+            paths.n.set(i, vertices.light_side.vec3(i));
             paths.pdf_w[i] = pdf_w;
             paths.origin.set(i, si.origin(vertices.transmitted[i] > 0.0));
             paths.direction.set(i, vertices.wi.vec3(i));
@@ -588,11 +607,11 @@ impl<const F: u32> Shading<'_, F> {
 
     /// The weight of an emitter that a bounce of density `pdf_w` hit, whose emitter sample would have had the other one.
     #[inline(always)]
-    fn hit_weight(&self, pdf_w: f32, light_pdf_w: f32) -> f32 {
+    fn hit_weight(&self, pdf_w: f32, light_pdf_w: impl FnOnce() -> f32) -> f32 {
         if pdf_w == f32::INFINITY {
             1.0
         } else if self.settings.mis {
-            power_heuristic(pdf_w, light_pdf_w)
+            power_heuristic(pdf_w, light_pdf_w())
         } else {
             0.0
         }

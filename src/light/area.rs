@@ -51,17 +51,17 @@ pub struct AreaLight {
     corner: Vec3,
     edges: [Vec3; 2],
     normal: Vec3,
-    pub(super) emission: Emission,
+    emission: Emission,
     /// How far off its plane a shadow ray ends: this, and so much per distance that it has come.
     p_error: f32,
     error_per_distance: f32,
-    /// Probability of choosing this triangle over its area [1/m²]: the density of a point on it.
-    pub(super) pdf_a: f32,
+    /// 1 / area [1/m²].
+    inv_area: f32,
 }
 
 impl AreaLight {
     /// The light and its area in f64, which tiny, huge and slender triangles neither underflow, overflow nor lose to
-    /// cancellation. `pdf_a` is set by the light sampler. A triangle without area never emits.
+    /// cancellation. A triangle without area never emits.
     pub(super) fn new(corners: [Vec3; 3], emission: Emission) -> (AreaLight, f64) {
         let [a, b, c] = corners.map(|p| p.as_dvec3());
         let cross = (b - a).cross(c - a);
@@ -78,7 +78,7 @@ impl AreaLight {
             emission,
             p_error: position_error(largest_coordinates(corners), normal),
             error_per_distance: (ERROR_PER_DISTANCE * slenderness).min(MAX_ERROR_PER_DISTANCE) as f32,
-            pdf_a: 0.0,
+            inv_area: (2.0 / cross.length()) as f32,
         };
         (light, 0.5 * cross.length())
     }
@@ -107,7 +107,7 @@ impl AreaLight {
             f32::from(both_sides),
             self.p_error,
             self.error_per_distance,
-            self.pdf_a,
+            self.inv_area,
         ]
     }
 
@@ -125,20 +125,30 @@ impl AreaLight {
             },
             p_error: numbers[16],
             error_per_distance: numbers[17],
-            pdf_a: numbers[18],
+            inv_area: numbers[18],
         }
     }
 
-    /// A point on the triangle as seen from `p`: direction, radiance, density per solid angle, and the shadow ray's end.
-    /// `None` where the light turns its back or is seen edge-on.
+    /// The unit normal of the front side; zero for a triangle without area.
+    pub(super) fn normal(&self) -> Vec3 {
+        self.normal
+    }
+
+    /// Whether 1 / area is a number: the area is neither zero nor beyond what f32 can invert.
+    pub(super) fn has_density(&self) -> bool {
+        self.inv_area > 0.0 && self.inv_area.is_finite()
+    }
+
+    /// A point on the triangle, which was drawn with probability `pmf`, as seen from `p`: direction, radiance, density per
+    /// solid angle, and the shadow ray's end. `None` where the light turns its back or is seen edge-on.
     #[inline(always)]
-    pub fn sample(&self, p: Vec3, u: [f32; 2]) -> Option<super::LightSample> {
+    pub fn sample(&self, pmf: f32, p: Vec3, u: [f32; 2]) -> Option<super::LightSample> {
         let [weight_b, weight_c] = warp::triangle(u);
         let point = self.corner + self.edges[0] * weight_b + self.edges[1] * weight_c;
         let (wi, distance) = (point - p).normalize_and_length();
         let cos = -self.normal.dot(wi);
         let radiance = self.emission.from_side(cos > 0.0);
-        let pdf_w = self.pdf_w(distance * distance, cos);
+        let pdf_w = self.pdf_w(pmf, distance * distance, cos);
         if radiance.is_black() || !(pdf_w > 0.0 && pdf_w.is_finite()) {
             return None;
         }
@@ -152,9 +162,10 @@ impl AreaLight {
         })
     }
 
-    /// Density per solid angle of a point at this squared distance, seen under this cosine [1/sr].
+    /// Density per solid angle of a point at this squared distance, seen under this cosine [1/sr]; `pmf` is the probability
+    /// of drawing this triangle.
     #[inline(always)]
-    pub(super) fn pdf_w(&self, distance_squared: f32, cos: f32) -> f32 {
-        self.pdf_a * distance_squared / cos.abs()
+    pub(super) fn pdf_w(&self, pmf: f32, distance_squared: f32, cos: f32) -> f32 {
+        pmf * self.inv_area * distance_squared / cos.abs()
     }
 }

@@ -15,10 +15,10 @@
 
 use crate::columns::{Column, Columns, padded};
 use crate::image::Image;
-use crate::math::{Rgb, Vec3, atan2_turns, floor, floor_f64, sin_cos_turns};
+use crate::math::{DVec3, Rgb, Vec3, atan2_turns, floor, floor_f64, sin_cos_turns};
 use crate::sampling::{AliasTable, warp};
 use rayon::prelude::*;
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 use thiserror::Error;
 
 /// How directions towards an environment map are drawn.
@@ -132,6 +132,36 @@ impl EnvironmentColumns {
     }
 }
 
+/// What the environment brings to a surface of any orientation, without occlusion: luminance. Its irradiance is found from
+/// the first three moments of radiance, which is to second order in spherical harmonics (Ramamoorthi and Hanrahan 2001):
+/// exact for a constant, within some per cent for a point.
+#[derive(Clone, Debug)]
+pub(super) struct Irradiance {
+    /// ∫ L dω [W·m⁻²].
+    fluence: f32,
+    /// Polynomial in the normal: constant, linear, and the symmetric matrix by its diagonal and what is beside it.
+    constant: f32,
+    linear: Vec3,
+    diagonal: Vec3,
+    mixed: Vec3,
+}
+
+impl Irradiance {
+    /// The root mean square of one sample's irradiance on a surface of the unit normal `n`, or zero if it takes light from
+    /// both sides: directions are drawn by luminance over the whole sphere, so that about E / F of them count, each as F.
+    /// Positive unless all is black.
+    #[inline(always)]
+    pub(super) fn sample_at(&self, n: Vec3) -> f32 {
+        if n == Vec3::ZERO {
+            return self.fluence;
+        }
+        let mixed = Vec3::new(n.y * n.z, n.z * n.x, n.x * n.y);
+        let value = self.constant + self.linear.dot(n) + self.diagonal.dot(n * n) + self.mixed.dot(mixed);
+        // Second order undershoots zero in the shade of a point.
+        (self.fluence * value.max(0.01 * self.fluence)).sqrt()
+    }
+}
+
 impl Environment {
     /// Prepares a map for lookup and sampling.
     ///
@@ -193,6 +223,23 @@ impl Environment {
         match self {
             Environment::Constant(radiance) => 4.0 * PI * f64::from(radiance.luminance()),
             Environment::Map(map) => map.irradiance_scale,
+        }
+    }
+
+    /// What [`Irradiance`] needs. Time O(texels).
+    pub(super) fn irradiance(&self) -> Irradiance {
+        let fluence = self.fluence();
+        let (linear, diagonal, mixed) = match self {
+            Environment::Constant(_) => (DVec3::ZERO, DVec3::splat(fluence / 3.0), DVec3::ZERO),
+            Environment::Map(map) => map.moments(),
+        };
+        // Legendre's polynomials of the cosine, weighted by 1/4, 1/2 and 5/16: those of the clamped cosine.
+        Irradiance {
+            fluence: fluence as f32,
+            constant: (fluence * (3.0 / 32.0)) as f32,
+            linear: (linear * 0.5).as_vec3(),
+            diagonal: (diagonal * (15.0 / 32.0)).as_vec3(),
+            mixed: (mixed * (15.0 / 16.0)).as_vec3(),
         }
     }
 
@@ -300,6 +347,41 @@ impl EnvironmentMap {
     /// Columns and rows.
     pub fn resolution(&self) -> [u32; 2] {
         [self.layout.width, self.layout.height]
+    }
+
+    /// Luminance integrated over the sphere times the direction, times the squares of its coordinates, and times the
+    /// products yz, zx, xy.
+    fn moments(&self) -> (DVec3, DVec3, DVec3) {
+        let [width, height] = self.resolution().map(f64::from);
+        let columns: Vec<(f64, f64)> = (0..self.layout.width)
+            .map(|column| (TAU * (f64::from(column) + 0.5) / width).sin_cos())
+            .collect();
+        let (sin_rotation, cos_rotation) = (f64::from(self.layout.sin_rotation), f64::from(self.layout.cos_rotation));
+        let rows: Vec<[DVec3; 3]> = self
+            .texels
+            .par_chunks(self.layout.width as usize)
+            .enumerate()
+            .map(|(row, texels)| {
+                let (sin_theta, cos_theta) = (PI * (row as f64 + 0.5) / height).sin_cos();
+                let mut sums = [DVec3::ZERO; 3];
+                for (&[r, g, b, _], (sin_phi, cos_phi)) in texels.iter().zip(&columns) {
+                    let luminance = f64::from(Rgb::new(r, g, b).luminance()) * sin_theta;
+                    let (x, z) = (sin_phi * sin_theta, -cos_phi * sin_theta);
+                    let wi = DVec3::new(
+                        x * cos_rotation + z * sin_rotation,
+                        cos_theta,
+                        z * cos_rotation - x * sin_rotation,
+                    );
+                    sums[0] += wi * luminance;
+                    sums[1] += wi * wi * luminance;
+                    sums[2] += DVec3::new(wi.y * wi.z, wi.z * wi.x, wi.x * wi.y) * luminance;
+                }
+                sums
+            })
+            .collect();
+        let texel = 2.0 * PI * PI / (width * height);
+        let sum = |k: usize| rows.iter().map(|sums| sums[k]).sum::<DVec3>() * texel;
+        (sum(0), sum(1), sum(2))
     }
 
     #[inline(always)]

@@ -5,6 +5,7 @@ use crate::math::{Rgb, Vec3};
 mod area;
 mod environment;
 mod sampler;
+mod tree;
 
 pub use area::{AreaLight, AreaLightColumns, Emission};
 pub use environment::{

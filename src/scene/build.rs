@@ -28,6 +28,8 @@ pub struct Surface {
     pub emission: Option<(Emission, u32)>,
     /// Whether it reflects and refracts without any spread, so that sampling emitters is pointless.
     pub is_delta: bool,
+    /// Whether light may come from behind, too.
+    pub transmits: bool,
 }
 
 /// Everything that rendering reads, except the acceleration structure.
@@ -151,6 +153,7 @@ impl Scene {
                 material: object.material as u32,
                 emission,
                 is_delta: materials[object.material].is_delta(),
+                transmits: materials[object.material].transmits(),
             });
         }
         if u32::try_from(lights.len()).is_err() {
@@ -173,10 +176,6 @@ impl Scene {
                 options.env_sampling,
             )?),
         };
-        let radius = geometry
-            .bounds()
-            .map_or(1.0, |(lo, hi)| 0.5 * (hi.as_dvec3() - lo.as_dvec3()).length());
-
         let used =
             |condition: fn(&Material) -> bool| surfaces.iter().any(|s| condition(&materials[s.material as usize]));
         let features = SceneFeatures::ENVIRONMENT
@@ -189,7 +188,7 @@ impl Scene {
         Ok(Scene {
             origin,
             camera,
-            lights: lights.build(environment, radius),
+            lights: lights.build(environment),
             geometry,
             surfaces,
             materials,

@@ -146,12 +146,14 @@ fn the_density_on_a_needle_is_that_of_its_area_and_its_true_normal() {
             let corners = mesh.triangle(triangle);
             let mut builder = LightSamplerBuilder::default();
             builder.push(corners, both_sides(1.0));
-            let lights = builder.build(None, 1.0);
+            let lights = builder.build(None);
             let [a, b, c] = corners.map(|c| c.as_dvec3());
             let cross = (b - a).cross(c - a);
             for index in 0..64 {
                 let numbers = Sampler::new(SamplerKind::Sobol, 1, 0, 0, index);
-                let light = lights.sample(Vec3::ZERO, &numbers).expect("the needle is seen");
+                let light = lights
+                    .sample(Vec3::ZERO, Vec3::ZERO, &numbers)
+                    .expect("the needle is seen");
                 let wi = light.wi.as_dvec3();
                 // Where the direction meets the plane that the needle is in.
                 let distance = a.dot(cross) / wi.dot(cross);

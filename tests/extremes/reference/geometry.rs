@@ -110,14 +110,6 @@ impl Geometry {
         })
     }
 
-    /// Half of the diagonal of the box around everything.
-    pub(crate) fn radius(&self) -> f64 {
-        let corners = || self.0.iter().flat_map(|triangle| triangle.corners);
-        let lo = corners().fold(DVec3::INFINITY, DVec3::min);
-        let hi = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
-        0.5 * (hi - lo).length()
-    }
-
     /// The largest coordinate.
     pub(crate) fn reach(&self) -> f64 {
         self.0.iter().map(Triangle::reach).fold(0.0, f64::max)
@@ -227,6 +219,10 @@ impl Interaction {
 pub(super) struct Frame([DVec3; 3]);
 
 impl Frame {
+    pub(super) fn normal(&self) -> DVec3 {
+        self.0[2]
+    }
+
     fn new(n: DVec3) -> Frame {
         let sign = 1f64.copysign(n.z);
         let a = -1.0 / (sign + n.z);

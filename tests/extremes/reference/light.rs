@@ -2,8 +2,8 @@
 
 use super::geometry::{Geometry, Hit, Interaction};
 use super::rgb;
-use embrace::light::{Emission, Emitter, Environment};
-use embrace::math::DVec3;
+use embrace::light::{Emission, Emitter, Environment, LightSampler};
+use embrace::math::{DVec3, Vec3};
 use embrace::sampling::{Dimension, Sampler};
 use embrace::scene::{EnvironmentDesc, Scene};
 use std::f64::consts::{PI, TAU};
@@ -12,8 +12,8 @@ use std::f64::consts::{PI, TAU};
 pub(super) struct Lights<'a> {
     areas: Vec<AreaLight>,
     environment: Option<Sky<'a>>,
-    /// Probability of sampling the environment and not a triangle.
-    environment_pmf: f64,
+    /// Only for the choice between emitters.
+    choice: &'a LightSampler,
 }
 
 struct AreaLight {
@@ -21,8 +21,21 @@ struct AreaLight {
     normal: DVec3,
     emission: Emission,
     offset: f64,
-    /// Density of a point on it [1/m²].
-    pdf_a: f64,
+    area: f64,
+}
+
+/// Where light arrives.
+pub(super) struct Origin {
+    pub(super) p: DVec3,
+    /// The side it is sampled on; zero for both.
+    pub(super) n: DVec3,
+}
+
+impl Origin {
+    /// What the choice of an emitter depends on: it is made in f32, and which one is drawn by which numbers is shared.
+    fn rounded(&self) -> [Vec3; 2] {
+        [self.p.as_vec3(), self.n.as_vec3()]
+    }
 }
 
 /// Light from infinity.
@@ -66,27 +79,20 @@ fn luminance(rgb: DVec3) -> f64 {
 impl<'a> Lights<'a> {
     pub(super) fn new(desc: Option<&EnvironmentDesc>, scene: &'a Scene, geometry: &Geometry) -> Lights<'a> {
         let mut areas = Vec::new();
-        let mut powers = Vec::new();
         for triangle in &geometry.0 {
             let Some((emission, _)) = scene.surfaces[triangle.name.placement as usize].emission else {
                 continue;
             };
-            let sides = if emission.both_sides { 2.0 } else { 1.0 };
-            powers.push(triangle.area() * sides * PI * luminance(rgb(emission.radiance)));
             areas.push(AreaLight {
                 corners: triangle.corners,
                 normal: triangle.normal(),
                 emission,
                 offset: triangle.offset(),
-                pdf_a: 1.0 / triangle.area(),
+                area: triangle.area(),
             });
         }
-        let mut fluence = 0.0;
         let environment = desc.map(|desc| match desc {
-            EnvironmentDesc::Constant(radiance) => {
-                fluence = 4.0 * PI * luminance(rgb(*radiance));
-                Sky::Constant(rgb(*radiance))
-            }
+            EnvironmentDesc::Constant(radiance) => Sky::Constant(rgb(*radiance)),
             EnvironmentDesc::Map {
                 image,
                 scale,
@@ -98,7 +104,6 @@ impl<'a> Lights<'a> {
                     |k: usize| luminance(radiance(k)) * (PI * ((k / width) as f64 + 0.5) / height as f64).sin();
                 let count = width * height;
                 let mean = (0..count).map(weight).sum::<f64>() / count as f64;
-                fluence = TAU * PI * mean;
                 let texels = (0..count).map(|k| Texel {
                     radiance: radiance(k),
                     probability: weight(k) / mean,
@@ -112,55 +117,63 @@ impl<'a> Lights<'a> {
                 })
             }
         });
-        let environment_power = PI * geometry.radius().powi(2) * fluence;
-        let power = powers.iter().sum::<f64>() + environment_power;
-        for (area, area_power) in areas.iter_mut().zip(powers) {
-            area.pdf_a *= area_power / power;
-        }
         Lights {
             areas,
             environment,
-            environment_pmf: environment_power / power,
+            choice: &scene.lights,
         }
     }
 
-    /// Radiance of the environment, and the density of sampling its direction.
-    pub(super) fn escaped(&self, wi: DVec3) -> (DVec3, f64) {
-        let (radiance, pdf_w) = match &self.environment {
+    /// Radiance of the environment, and the density of sampling its direction from `previous`.
+    pub(super) fn escaped(&self, wi: DVec3, previous: &Origin) -> (DVec3, f64) {
+        let (radiance, pdf_w) = self.environment(wi);
+        let [p, n] = previous.rounded();
+        (radiance, pdf_w * f64::from(self.choice.environment_pmf(p, n)))
+    }
+
+    /// Radiance of the environment, and the density of sampling its direction once it is chosen.
+    fn environment(&self, wi: DVec3) -> (DVec3, f64) {
+        match &self.environment {
             None => (DVec3::ZERO, 0.0),
             Some(Sky::Constant(radiance)) => (*radiance, 1.0 / (2.0 * TAU)),
             Some(Sky::Map(map)) => map.lookup(map.locate(wi)),
-        };
-        (radiance, pdf_w * self.environment_pmf)
+        }
     }
 
     /// Radiance of the emitter at a hit, and the density of sampling it from `previous`.
-    pub(super) fn met(&self, scene: &Scene, hit: &Hit, si: &Interaction, previous: DVec3) -> (DVec3, f64) {
+    pub(super) fn met(&self, scene: &Scene, hit: &Hit, si: &Interaction, previous: &Origin) -> (DVec3, f64) {
         match scene.surfaces[hit.name.placement as usize].emission {
             Some((emission, first)) if si.front || emission.both_sides => {
-                let light = &self.areas[(first + hit.name.triangle) as usize];
-                let pdf_w = light.pdf_a * previous.distance_squared(si.p) / si.ng.dot(si.wo);
+                let light = first + hit.name.triangle;
+                let [p, n] = previous.rounded();
+                let pmf = f64::from(self.choice.area_pmf(light, p, n));
+                let pdf_a = pmf / self.areas[light as usize].area;
+                let pdf_w = pdf_a * previous.p.distance_squared(si.p) / si.ng.dot(si.wo);
                 (rgb(emission.radiance), pdf_w)
             }
             _ => (DVec3::ZERO, 0.0),
         }
     }
 
-    /// Draws a direction from `p` towards an emitter.
-    pub(super) fn sample(&self, scene: &Scene, p: DVec3, sampler: &Sampler) -> Option<LightSample> {
+    /// Draws a direction towards an emitter.
+    pub(super) fn sample(&self, from: &Origin, sampler: &Sampler) -> Option<LightSample> {
         let u = sampler.get_2d(Dimension::LightPosition).map(f64::from);
-        match (scene.lights.choose::<true, true>(sampler), &self.environment) {
-            (Emitter::Area(light), _) => Some(self.areas[light as usize].sample(p, u)),
+        let [p, n] = from.rounded();
+        let bits = sampler.get_u64(Dimension::LightChoice);
+        let (emitter, pmf) = self.choice.choose::<true, true>(p, n, bits);
+        let pmf = f64::from(pmf);
+        match (emitter, &self.environment) {
+            (Emitter::Area(light), _) => Some(self.areas[light as usize].sample(pmf, from.p, u)),
             (Emitter::Environment, Some(sky)) => {
                 let wi = match sky {
                     Sky::Constant(_) => uniform_sphere(u),
                     Sky::Map(map) => map.sample(map.table.choose_texel(sampler.get_u64(Dimension::Texel)), u),
                 };
-                let (radiance, pdf_w) = self.escaped(wi);
+                let (radiance, pdf_w) = self.environment(wi);
                 Some(LightSample {
                     wi,
                     radiance,
-                    pdf_w,
+                    pdf_w: pdf_w * pmf,
                     cos: 1.0,
                     target: None,
                 })
@@ -171,7 +184,7 @@ impl<'a> Lights<'a> {
 }
 
 impl AreaLight {
-    fn sample(&self, p: DVec3, [u, v]: [f64; 2]) -> LightSample {
+    fn sample(&self, pmf: f64, p: DVec3, [u, v]: [f64; 2]) -> LightSample {
         // Heitz 2019, "A low-distortion map between triangle and square".
         let half = 0.5 * u.min(v);
         let [a, b, c] = self.corners;
@@ -185,7 +198,7 @@ impl AreaLight {
             } else {
                 DVec3::ZERO
             },
-            pdf_w: self.pdf_a * p.distance_squared(point) / cos.abs(),
+            pdf_w: pmf / self.area * p.distance_squared(point) / cos.abs(),
             cos,
             target: Some(point + self.normal * (self.offset * cos.signum())),
         }

@@ -1,8 +1,8 @@
 //! The estimator in f64: what `embrace::integrator` computes with its default settings, written to be read.
 //!
 //! One path at a time, one vertex after the other, every ray against every triangle. Shared with the library are the
-//! inputs (vertices and parameters as the built scene holds them, in f32), the random numbers, and which entry of an alias
-//! table they select; everything else is computed here, in f64 and from the formulas. Maps from random numbers to
+//! inputs (vertices and parameters as the built scene holds them, in f32), the random numbers, which texel and which emitter
+//! they select, and the probability of that emitter; everything else is computed here, in f64 and from the formulas. Maps from random numbers to
 //! directions are the library's, since another map would be another path. Bitmaps, instances and cut-outs are left out.
 //!
 //! Every path keeps a record of its decisions and of how close each of them was, to compare with the path in f32.
@@ -20,7 +20,7 @@ use embrace::math::{DVec3, Rgb};
 use embrace::sampling::{Dimension, Sampler};
 use embrace::scene::{Scene, SceneDesc};
 use geometry::Interaction;
-use light::{LightSample, Lights};
+use light::{LightSample, Lights, Origin};
 
 /// Scattering events before roulette, and the least and the most that a path may survive a round with.
 const ROULETTE_FACTOR: f64 = 3.0;
@@ -90,7 +90,11 @@ impl<'a> Reference<'a> {
         let mut ray = self.camera.ray(x, y, &sampler);
         let mut throughput = DVec3::ONE;
         let mut roulette_scale = ROULETTE_FACTOR;
-        let (mut previous, mut bounce_pdf_w) = (ray.origin, f64::INFINITY);
+        let mut previous = Origin {
+            p: ray.origin,
+            n: DVec3::ZERO,
+        };
+        let mut bounce_pdf_w = f64::INFINITY;
         let mut path = Path::default();
         for depth in 0.. {
             let hit = self.geometry.intersect(&ray);
@@ -102,12 +106,12 @@ impl<'a> Reference<'a> {
             });
             let vertex = path.vertices.last_mut().expect("the vertex just pushed");
             let Some(hit) = hit else {
-                let (radiance, light_pdf_w) = self.lights.escaped(ray.direction);
+                let (radiance, light_pdf_w) = self.lights.escaped(ray.direction, &previous);
                 path.radiance += throughput * radiance * power_heuristic(bounce_pdf_w, light_pdf_w);
                 break;
             };
             let si = Interaction::new(&self.geometry, &hit, -ray.direction, self.settings.smooth_terminator);
-            let (radiance, light_pdf_w) = self.lights.met(self.scene, &hit, &si, previous);
+            let (radiance, light_pdf_w) = self.lights.met(self.scene, &hit, &si, &previous);
             path.radiance += throughput * radiance * power_heuristic(bounce_pdf_w, light_pdf_w);
             if Some(depth) == self.settings.max_depth {
                 break;
@@ -119,8 +123,16 @@ impl<'a> Reference<'a> {
             }
             let wo = si.frame.to_local(si.wo);
             vertex.margins.frame = si.frame.margin();
+            let here = Origin {
+                p: si.p,
+                n: if surface.transmits {
+                    DVec3::ZERO
+                } else {
+                    si.frame.normal()
+                },
+            };
             if !surface.is_delta
-                && let Some(light) = self.lights.sample(self.scene, si.p, &sampler)
+                && let Some(light) = self.lights.sample(&here, &sampler)
             {
                 let wi = si.frame.to_local(light.wi);
                 vertex.margins.light = light.cos.abs().min(bsdf.margin(wo, wi));
@@ -154,7 +166,7 @@ impl<'a> Reference<'a> {
                 break;
             }
             throughput /= survival;
-            (previous, bounce_pdf_w) = (si.p, sample.pdf_w);
+            (previous, bounce_pdf_w) = (here, sample.pdf_w);
             sampler.set_bounce(depth + 1);
             ray = si.spawn_ray(si.frame.to_world(sample.wi), sample.wi.z < 0.0);
         }
