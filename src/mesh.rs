@@ -1,6 +1,7 @@
 //! Indexed triangle meshes.
 
 use crate::math::{DAffine3, DMat3, DVec3, Vec2, Vec3};
+use rayon::prelude::*;
 use thiserror::Error;
 
 /// An indexed triangle mesh. One index serves position, normal and texture coordinate alike.
@@ -76,32 +77,32 @@ impl TriangleMesh<DVec3> {
                 });
             }
         }
-        if let Some((index, &position)) = self.positions.iter().enumerate().find(|(_, p)| !p.is_finite()) {
+        let position = self.positions.par_iter().enumerate();
+        if let Some((index, &position)) = position.find_first(|(_, p)| !p.is_finite()) {
             return Err(MeshError::Position { index, position });
         }
-        for (triangle, corners) in self.indices.iter().enumerate() {
-            if let Some(&index) = corners.iter().find(|&&i| i as usize >= vertices) {
-                return Err(MeshError::Index {
-                    triangle,
-                    index,
-                    vertices,
-                });
-            }
+        let outside = |corners: &[u32; 3]| corners.iter().find(|&&i| i as usize >= vertices).copied();
+        let triangles = self.indices.par_iter().map(outside).enumerate();
+        match triangles.find_first(|(_, outside)| outside.is_some()) {
+            Some((triangle, Some(index))) => Err(MeshError::Index {
+                triangle,
+                index,
+                vertices,
+            }),
+            _ => Ok(()),
         }
-        Ok(())
     }
 
     /// Makes every vertex normal a unit vector and returns how many could not be (zero length or not finite).
     /// Those become zero, and shading takes the face normal at every triangle that uses one.
     pub fn repair_normals(&mut self) -> usize {
-        let mut bad = 0;
-        for n in &mut self.normals {
+        let mend = |n: &mut Vec3| {
             // In f64, so that tiny and huge file normals neither vanish nor overflow.
             let unit = n.as_dvec3().try_normalize().map(|d| d.as_vec3());
-            bad += usize::from(unit.is_none());
             *n = unit.unwrap_or(Vec3::ZERO);
-        }
-        bad
+            usize::from(unit.is_none())
+        };
+        self.normals.par_iter_mut().map(mend).sum()
     }
 
     /// The mesh in other coordinates, rounded to f32. A transform that mirrors also swaps the winding, so that front stays
@@ -130,7 +131,7 @@ impl TriangleMesh<DVec3> {
             indices.iter_mut().for_each(|t| t.swap(1, 2));
         }
         TriangleMesh {
-            positions: positions.iter().map(place).collect(),
+            positions: positions.par_iter().map(place).collect(),
             normals,
             uvs,
             indices,

@@ -18,7 +18,7 @@ use crate::texture::{Encoding, Texture, TextureMap};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::fs::{self, File};
-use std::io::{self, BufReader, Read};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use thiserror::Error;
@@ -218,7 +218,7 @@ fn read_obj(path: &Path) -> Result<(ObjScene, blake3::Hash), LoadError> {
     };
     let mut libraries = blake3::Hasher::new();
     let base = path.parent().unwrap_or(Path::new(""));
-    let scene = obj::read(path, BufReader::with_capacity(1 << 20, &mut reader), |name| {
+    let scene = obj::read(path, &mut reader, |name| {
         let bytes = read_bytes(&base.join(name))?;
         libraries.update(&bytes);
         Ok(bytes)
