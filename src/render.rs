@@ -70,6 +70,20 @@ pub fn render<A: Accel>(
     stop: &(dyn Fn() -> bool + Sync),
     progress: &(dyn Fn(u64) + Sync),
 ) -> (Film, RenderReport) {
+    render_passes(scene, accel, kernel, job, stop, progress, &mut |_| ())
+}
+
+/// The same, and shows the film to `after_pass` whenever all pixels have equally many samples: after the first, the second,
+/// the fourth and so on, but the last.
+pub fn render_passes<A: Accel>(
+    scene: &Scene,
+    accel: &A,
+    kernel: Kernel<A>,
+    job: &Job,
+    stop: &(dyn Fn() -> bool + Sync),
+    progress: &(dyn Fn(u64) + Sync),
+    after_pass: &mut dyn FnMut(&Film),
+) -> (Film, RenderReport) {
     let mut film = Film::new(job.crop);
     let mut report = RenderReport::default();
     let done = AtomicU64::new(0);
@@ -113,6 +127,9 @@ pub fn render<A: Accel>(
         });
         report = reports.into_iter().fold(report, RenderReport::plus);
         start += pass;
+        if start < job.spp && !stop() {
+            after_pass(&film);
+        }
     }
     (film, report)
 }

@@ -8,7 +8,7 @@
 mod support;
 
 use embrace::accel::brute::Brute;
-use embrace::accel::{Accel, BuildOptions, Geometry, Hit, Intersector, Placement, Ray};
+use embrace::accel::{Accel, BuildOptions, BuildQuality, Geometry, Hit, Intersector, Placement, Ray};
 use embrace::math::{DVec3, Vec3};
 use embrace::mesh::TriangleMesh;
 use glam::{Affine3A, Quat};
@@ -25,6 +25,7 @@ for_each_backend! { but not brute:
     triangles_without_area_are_never_hit_and_hide_nothing
     scenes_of_every_scale_agree_with_brute
     the_company_of_a_ray_does_not_change_whether_it_is_occluded
+    every_build_quality_finds_the_same
 }
 for_each_backend! {
     occlusion_agrees_with_the_nearest_hit_on_the_same_segment
@@ -411,6 +412,43 @@ fn the_company_of_a_ray_does_not_change_whether_it_is_occluded<A: Accel>() {
     assert_eq!(differences, 0);
 }
 
+/// Rays in general position, so that no two triangles are at the same distance.
+fn every_build_quality_finds_the_same<A: Accel>() {
+    let instances = |mesh: TriangleMesh| Geometry {
+        meshes: vec![Arc::new(mesh)],
+        placements: [0.0, 0.7]
+            .map(|x| Placement {
+                mesh: 0,
+                to_world: Some(Affine3A::from_translation(Vec3::X * x)),
+            })
+            .to_vec(),
+    };
+    let soup = || soup(3000, 0.1, 1.0, 71);
+    for geometry in [
+        in_place([soup(), sphere(20, 0.8)]),
+        in_place([sphere(40, 1.0)]),
+        instances(soup()),
+    ] {
+        let [medium, low, high] = [BuildQuality::Medium, BuildQuality::Low, BuildQuality::High].map(|quality| {
+            let options = BuildOptions {
+                quality,
+                ..BuildOptions::default()
+            };
+            A::build(&geometry, options).expect("the backend builds")
+        });
+        let mut hits = 0;
+        for ray in crossing_rays(20_000, 1.0, 72) {
+            let hit = medium.intersect(&ray);
+            hits += usize::from(hit.is_some());
+            for other in [&low, &high] {
+                assert_eq!(other.intersect(&ray), hit, "{ray:?}");
+                assert_eq!(other.occluded(&ray), hit.is_some(), "{ray:?}");
+            }
+        }
+        assert!(hits > 10_000, "{hits}");
+    }
+}
+
 fn occlusion_agrees_with_the_nearest_hit_on_the_same_segment<A: Accel>() {
     let geometry = in_place([soup(60, 0.3, 1.0, 20)]);
     let backend = build::<A>(&geometry);
@@ -486,7 +524,14 @@ fn a_hit_exactly_at_an_end_of_the_segment_does_not_count<A: Accel>() {
 fn leaks<A: Accel>(intersector: Intersector, count: usize) -> [usize; 2] {
     let geometry = in_place([sphere(if A::NAME == "brute" { 6 } else { 40 }, 1.0)]);
     let mesh = &geometry.meshes[0];
-    let backend = A::build(&geometry, BuildOptions { intersector }).expect("the backend builds");
+    let backend = A::build(
+        &geometry,
+        BuildOptions {
+            intersector,
+            ..BuildOptions::default()
+        },
+    )
+    .expect("the backend builds");
     let mut random = Random(25);
     let leaks = [true, false].map(|at_vertex| {
         let leaks = (0..count).filter(|_| {

@@ -886,6 +886,61 @@ fn equal_renders_are_equal_files_for_any_threads_and_kernel_but_not_for_another_
 }
 
 #[test]
+fn progress_images_do_not_change_the_image_at_the_end() {
+    let folder = Folder::with_scene();
+    let plain = bytes_of(&folder, "");
+    assert!(plain == bytes_of(&folder, "--progress-image 0"));
+    assert!(plain == bytes_of(&folder, "--progress-image 1e9 --threads 1"));
+    assert_eq!(folder.names().iter().filter(|name| name.starts_with('.')).count(), 0);
+}
+
+#[test]
+fn the_first_image_is_written_long_before_the_last() {
+    let folder = Folder::with_scene();
+    let asked = 100_000_000;
+    let mut child = folder
+        .command(&format!(
+            "render scene.toml -o out.exr -q --spp {asked} --progress-image 1e9"
+        ))
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    while !folder.path("out.exr").exists() {
+        assert!(start.elapsed() < Duration::from_secs(60), "no image");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    // Whole as soon as it is there, and no other comes in a billion seconds.
+    let first = folder.read("out.exr");
+    assert_eq!(int_attribute(&first, "spp"), 1);
+    assert!(folder.exr("out.exr").pixels.iter().all(|p| p.is_finite()));
+    std::thread::sleep(Duration::from_millis(200));
+    assert!(first == folder.read("out.exr"));
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
+
+#[test]
+fn the_build_quality_is_chosen_by_paths_and_triangles_unless_it_is_given() {
+    let folder = Folder::with_scene();
+    let quality = |arguments: &str| {
+        folder.done(&format!("render scene.toml -o out.exr --stats stats.json {arguments}"));
+        folder.json("stats.json")["build_quality"].as_str().unwrap().to_owned()
+    };
+    assert_eq!(quality("--spp 1"), "medium");
+    for given in ["low", "medium", "high"] {
+        assert_eq!(quality(&format!("--spp 1 --build-quality {given}")), given);
+    }
+    // Some hundred triangles for a path.
+    let mut text = String::new();
+    for i in 0..7000 {
+        text += &format!("v {i} 0 0\nv {i} 1 0\nv {i} 0 1\nf -3 -2 -1\n");
+    }
+    folder.write("many.obj", text);
+    folder.done("render many.obj -o out.exr --stats stats.json --spp 1 --resolution 8x8");
+    assert_eq!(folder.json("stats.json")["build_quality"], "low");
+}
+
+#[test]
 fn a_scene_is_the_same_in_toml_and_in_json_with_relative_and_absolute_paths() {
     let folder = Folder::with_scene();
     let scene: Value = toml::from_str(&String::from_utf8(folder.read("scene.toml")).unwrap()).unwrap();

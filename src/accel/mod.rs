@@ -118,11 +118,37 @@ pub enum Intersector {
     Fast,
 }
 
+/// How much time goes into the structure, so that rays take less.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BuildQuality {
+    /// Sorted along a curve: the fastest to build.
+    Low,
+    /// By the surface-area heuristic.
+    #[default]
+    Medium,
+    /// With all that the library offers; for some intersectors no more than medium.
+    High,
+}
+
+impl BuildQuality {
+    /// Low where paths are few: a triangle saves more time in a low tree than a path of a few rays loses
+    /// (docs/performance.md).
+    pub fn for_paths(paths: u64, triangles: u64) -> BuildQuality {
+        if paths < triangles {
+            BuildQuality::Low
+        } else {
+            BuildQuality::Medium
+        }
+    }
+}
+
 /// How to build.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BuildOptions {
     /// Must be one of [`Accel::INTERSECTORS`].
     pub intersector: Intersector,
+    /// Changes nothing that is found, but which of two triangles at the same distance.
+    pub quality: BuildQuality,
 }
 
 /// Why a backend could not be built.

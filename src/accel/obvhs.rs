@@ -11,7 +11,7 @@
 mod build;
 
 use super::triangle::{self, TriangleHit, TriangleRay};
-use super::{Accel, AccelError, BuildOptions, Geometry, Hit, Intersector, Ray};
+use super::{Accel, AccelError, BuildOptions, BuildQuality, Geometry, Hit, Intersector, Ray};
 use crate::math::Vec3;
 use glam::{DAffine3, UVec2, Vec3A, Vec4};
 use obvhs::aabb::Aabb;
@@ -107,22 +107,23 @@ struct Tree {
 }
 
 impl Tree {
-    fn build(mut boxes: Vec<Aabb>) -> Tree {
+    fn build(mut boxes: Vec<Aabb>, quality: BuildQuality) -> Tree {
         if boxes.is_empty() {
             return Tree::default();
         }
         // The box of an instance may reach beyond f32 where its mesh does not.
         let clamp = |p: Vec3A| p.clamp(Vec3A::splat(f32::MIN), Vec3A::splat(f32::MAX));
-        let largest = boxes.iter().fold(Vec3A::ZERO, |largest, b| {
-            largest.max(clamp(b.min).abs()).max(clamp(b.max).abs())
-        });
+        let largest = boxes
+            .par_iter()
+            .map(|b| clamp(b.min).abs().max(clamp(b.max).abs()))
+            .reduce(|| Vec3A::ZERO, Vec3A::max);
         // The exponent with its sign turned, as far as a normal number has it.
         let scale = f32::from_bits((254 - (largest.max_element().to_bits() >> 23).clamp(1, 253)) << 23);
-        for b in &mut boxes {
-            *b = Aabb::new(clamp(b.min) * scale - SMALLEST, clamp(b.max) * scale + SMALLEST);
-        }
+        boxes
+            .par_iter_mut()
+            .for_each(|b| *b = Aabb::new(clamp(b.min) * scale - SMALLEST, clamp(b.max) * scale + SMALLEST));
         Tree {
-            bvh: build::shallow(&boxes),
+            bvh: build::shallow(&boxes, quality),
             scale,
         }
     }
@@ -168,17 +169,22 @@ struct TriangleTree {
 }
 
 impl TriangleTree {
-    fn build(mut triangles: Vec<([Vec3; 3], (u32, u32))>) -> TriangleTree {
-        triangles.retain(|(corners, _)| triangle::can_be_hit(corners));
-        let boxes: Vec<Aabb> = triangles
+    /// Over the triangles that `corners` finds by their ids.
+    fn build(
+        mut ids: Vec<(u32, u32)>,
+        corners: impl Fn((u32, u32)) -> [Vec3; 3] + Sync,
+        quality: BuildQuality,
+    ) -> TriangleTree {
+        ids.retain(|id| triangle::can_be_hit(&corners(*id)));
+        let boxes: Vec<Aabb> = ids
             .par_iter()
-            .map(|(corners, _)| Aabb::from_points(&corners.map(Vec3A::from)))
+            .map(|id| Aabb::from_points(&corners(*id).map(Vec3A::from)))
             .collect();
-        let tree = Tree::build(boxes);
-        let order = || tree.order().par_iter().map(|&i| &triangles[i as usize]);
+        let tree = Tree::build(boxes, quality);
+        let ids: Vec<(u32, u32)> = tree.order().par_iter().map(|&i| ids[i as usize]).collect();
         TriangleTree {
-            corners: order().map(|(corners, _)| *corners).collect(),
-            ids: order().map(|(_, id)| *id).collect(),
+            corners: ids.par_iter().map(|id| corners(*id)).collect(),
+            ids,
             tree,
         }
     }
@@ -256,19 +262,22 @@ impl Accel for Obvhs {
     const NAME: &'static str = "obvhs";
     const INTERSECTORS: &'static [Intersector] = &[Intersector::Robust];
 
-    fn build(geometry: &Geometry, _options: BuildOptions) -> Result<Obvhs, AccelError> {
+    fn build(geometry: &Geometry, options: BuildOptions) -> Result<Obvhs, AccelError> {
         let mut world = Vec::new();
         let mut meshes: Vec<Option<TriangleTree>> = geometry.meshes.iter().map(|_| None).collect();
         let mut instances = Vec::new();
         let mut boxes = Vec::new();
         for (id, placement) in (0..).zip(&geometry.placements) {
             let mesh = &geometry.meshes[placement.mesh as usize];
-            let triangles = |id| (0..mesh.indices.len()).map(move |i| (mesh.triangle(i), (id, i as u32)));
+            let ids = |id| (0..mesh.indices.len() as u32).map(move |triangle| (id, triangle));
             let Some(to_world) = &placement.to_world else {
-                world.extend(triangles(id));
+                world.extend(ids(id));
                 continue;
             };
-            meshes[placement.mesh as usize].get_or_insert_with(|| TriangleTree::build(triangles(0).collect()));
+            meshes[placement.mesh as usize].get_or_insert_with(|| {
+                let corners = |(_, triangle)| mesh.triangle(triangle as usize);
+                TriangleTree::build(ids(0).collect(), corners, options.quality)
+            });
             let to_world = DAffine3 {
                 matrix3: to_world.matrix3.as_dmat3(),
                 translation: to_world.translation.as_dvec3(),
@@ -280,10 +289,14 @@ impl Accel for Obvhs {
             });
             boxes.push(world_box(mesh.bounds(), &to_world));
         }
-        let instance_tree = Tree::build(boxes);
+        let instance_tree = Tree::build(boxes, BuildQuality::Medium);
         let mut unordered: Vec<Option<Instance>> = instances.into_iter().map(Some).collect();
         Ok(Obvhs {
-            world: TriangleTree::build(world),
+            world: TriangleTree::build(
+                world,
+                |(placement, triangle)| geometry.world_triangle(placement, triangle),
+                options.quality,
+            ),
             meshes,
             instances: instance_tree
                 .order()

@@ -1,6 +1,6 @@
 //! The command line: arguments to settings, errors to exit codes.
 
-use crate::accel::Intersector;
+use crate::accel::{BuildQuality, Intersector};
 use crate::integrator::{BounceSampling, KernelChoice, Lighting, Roulette, Settings};
 use crate::light::EnvSampling;
 use crate::sampling::SamplerKind;
@@ -11,11 +11,13 @@ use std::fmt;
 use std::io::{self, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Duration;
 
 mod info;
 mod interrupt;
 mod output;
 mod progress;
+mod progress_image;
 mod render;
 mod tools;
 
@@ -95,6 +97,9 @@ struct RenderArgs {
     /// Stops of exposure for PNG output
     #[arg(long, value_name = "EV", default_value_t = 0.0, allow_negative_numbers = true, value_parser = parse_exposure)]
     exposure: f32,
+    /// Write the image so far after the first sample of every pixel, and from then on every so many seconds
+    #[arg(long, value_name = "SECONDS", value_parser = parse_interval)]
+    progress_image: Option<Duration>,
     /// Write statistics as JSON
     #[arg(long, value_name = "FILE")]
     stats: Option<PathBuf>,
@@ -147,6 +152,17 @@ struct EstimatorArgs {
     /// Robust at the edges of triangles, or fast with some leaks there (embree only)
     #[arg(long, value_enum, default_value = "robust")]
     intersector: IntersectorArg,
+    /// Time to build against time to trace: auto builds for the number of paths and triangles
+    #[arg(long, value_enum, default_value = "auto")]
+    build_quality: BuildQualityArg,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum BuildQualityArg {
+    Auto,
+    Low,
+    Medium,
+    High,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -264,6 +280,15 @@ impl EstimatorArgs {
         }
     }
 
+    fn build_quality(&self, paths: u64, triangles: u64) -> BuildQuality {
+        match self.build_quality {
+            BuildQualityArg::Auto => BuildQuality::for_paths(paths, triangles),
+            BuildQualityArg::Low => BuildQuality::Low,
+            BuildQualityArg::Medium => BuildQuality::Medium,
+            BuildQualityArg::High => BuildQuality::High,
+        }
+    }
+
     fn instancing(&self) -> Instancing {
         match self.instancing {
             InstancingArg::Auto => Instancing::Auto,
@@ -333,6 +358,13 @@ fn parse_exposure(text: &str) -> Result<f32, String> {
         Ok(ev) if ev.abs() <= 100.0 => Ok(ev),
         _ => Err("expected a number of stops between -100 and 100".into()),
     }
+}
+
+fn parse_interval(text: &str) -> Result<Duration, String> {
+    text.parse()
+        .ok()
+        .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
+        .ok_or_else(|| "expected a number of seconds, 0 or more".into())
 }
 
 fn parse_roulette(text: &str) -> Result<Roulette, String> {

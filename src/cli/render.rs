@@ -3,15 +3,17 @@
 use super::interrupt::Interrupt;
 use super::output::{self, Target};
 use super::progress::Progress;
+use super::progress_image::{self, ProgressImage, Snapshot};
 use super::{Failure, RenderArgs, tell, with_backend};
-use crate::accel::{Accel, BuildOptions, Intersector};
+use crate::accel::{Accel, BuildOptions, BuildQuality, Intersector};
 use crate::film::Rect;
 use crate::image::exr::ExrMetadata;
 use crate::integrator::{Roulette, Settings, kernel_for};
-use crate::render::{DroppedSamples, Job, render};
+use crate::render::{DroppedSamples, Job, render, render_passes};
 use crate::scene::{self, LoadOptions, Scene, SceneOptions};
 use rustix::time::{ClockId, clock_gettime};
 use serde::Serialize;
+use std::thread;
 use std::time::Instant;
 
 /// What `--stats` writes.
@@ -24,6 +26,7 @@ struct Stats<'a> {
     backend_version: String,
     kernel: String,
     intersector: &'static str,
+    build_quality: &'static str,
     threads: usize,
     width: u32,
     height: u32,
@@ -104,49 +107,66 @@ fn run_on<A: Accel>(args: &RenderArgs, targets: &[Target], interrupt: &Interrupt
         instancing: args.estimator.instancing(),
     };
     let scene = Scene::build(desc, options).map_err(|e| Failure::input(format!("{}: {e}", args.scene.display())))?;
-    let accel = A::build(&scene.geometry, BuildOptions { intersector }).map_err(Failure::internal)?;
+    let [width, height] = scene.camera.resolution();
+    let crop = crop(args, [width, height])?;
+    let paths = crop.pixels() * u64::from(args.spp);
+    let quality = args.estimator.build_quality(paths, scene.triangles());
+    let accel = A::build(&scene.geometry, BuildOptions { intersector, quality }).map_err(Failure::internal)?;
     let build_seconds = start.elapsed().as_secs_f64();
 
     let (features, kernel) = kernel_for::<A>(&scene, args.estimator.kernel());
-    let [width, height] = scene.camera.resolution();
-    let crop = crop(args, [width, height])?;
     let job = Job {
         crop,
         spp: args.spp,
         settings,
     };
-    let progress = Progress::new(crop.pixels() * u64::from(args.spp), args.quiet);
+    let progress = Progress::new(paths, args.quiet);
+
+    let write = |(image, spp): &Snapshot, seconds: f64| {
+        let metadata = ExrMetadata {
+            scene_hash: Some(scene.hash.clone()),
+            spp: Some(*spp),
+            seed: Some(args.seed),
+            backend: Some(format!("{} {}", A::NAME, A::version())),
+            seconds: (!args.reproducible).then_some(seconds),
+            display_size: Some([width, height]),
+            offset: [crop.x0, crop.y0],
+            ..output::metadata()
+        };
+        targets
+            .iter()
+            .try_for_each(|target| target.write(image, &metadata, args.exposure))
+    };
 
     interrupt.keep_image();
     let (start, start_cpu) = (Instant::now(), process_seconds());
-    let (film, report) = render(
-        &scene,
-        &accel,
-        kernel,
-        &job,
-        &|| interrupt.raised().is_some(),
-        &|done| progress.update(done),
-    );
+    let stop = || interrupt.raised().is_some();
+    let update = |done| progress.update(done);
+    let (film, report) = match args.progress_image {
+        None => render(&scene, &accel, kernel, &job, &stop, &update),
+        Some(interval) => {
+            let (mut image, snapshots) = ProgressImage::new(interval);
+            thread::scope(|scope| {
+                let write = |snapshot: &Snapshot| write(snapshot, start.elapsed().as_secs_f64());
+                scope.spawn(move || progress_image::write_all(snapshots, args.quiet, write));
+                let result = render_passes(&scene, &accel, kernel, &job, &stop, &update, &mut |film| {
+                    image.offer(film)
+                });
+                // Ends the writer, which the scope waits for.
+                drop(image);
+                result
+            })
+        }
+    };
     let (render_seconds, render_cpu_seconds) = (start.elapsed().as_secs_f64(), process_seconds() - start_cpu);
     let (fewest, most) = film.sample_range();
     let interrupted = fewest < args.spp;
     progress.finish(!interrupted);
 
     let start = Instant::now();
-    let image = film.develop();
-    let metadata = ExrMetadata {
-        scene_hash: Some(scene.hash.clone()),
-        spp: Some(fewest),
-        seed: Some(args.seed),
-        backend: Some(format!("{} {}", A::NAME, A::version())),
-        seconds: (!args.reproducible).then_some(render_seconds),
-        display_size: Some([width, height]),
-        offset: [crop.x0, crop.y0],
-        ..output::metadata()
-    };
-    for target in targets {
-        target.write(&image, &metadata, args.exposure)?;
-    }
+    let snapshot = (film.develop(), fewest);
+    write(&snapshot, render_seconds)?;
+    let (image, _) = snapshot;
     let write_seconds = start.elapsed().as_secs_f64();
 
     if report.dropped.count > 0 && !args.quiet {
@@ -163,6 +183,11 @@ fn run_on<A: Accel>(args: &RenderArgs, targets: &[Target], interrupt: &Interrupt
             intersector: match intersector {
                 Intersector::Robust => "robust",
                 Intersector::Fast => "fast",
+            },
+            build_quality: match quality {
+                BuildQuality::Low => "low",
+                BuildQuality::Medium => "medium",
+                BuildQuality::High => "high",
             },
             threads: rayon::current_num_threads(),
             width: image.width,

@@ -273,7 +273,14 @@ fn needle_cylinder() -> TriangleMesh {
 /// Origins inside of a closed mesh, targets on it: points of triangles, of edges, and vertices.
 fn leaks<A: Accel>(mesh: &TriangleMesh, inside: Vec3, intersector: Intersector, count: usize) -> [usize; 3] {
     let geometry = geometry(mesh.clone(), vec![None]);
-    let backend = A::build(&geometry, BuildOptions { intersector }).expect("the backend builds");
+    let backend = A::build(
+        &geometry,
+        BuildOptions {
+            intersector,
+            ..BuildOptions::default()
+        },
+    )
+    .expect("the backend builds");
     let mut random = Random(6);
     [0, 1, 2].map(|kind| {
         (0..count)

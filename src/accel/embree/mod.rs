@@ -7,10 +7,11 @@
 //! at `tnear`), so the open interval is enforced here.
 
 use super::triangle::LARGEST_COORDINATE;
-use super::{Accel, AccelError, BuildOptions, Geometry, Hit, Intersector, Ray};
+use super::{Accel, AccelError, BuildOptions, BuildQuality, Geometry, Hit, Intersector, Ray};
 use crate::math::Vec3;
 use crate::mesh::TriangleMesh;
 use glam::{Affine3A, Vec4};
+use rayon::prelude::*;
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::ptr;
 use std::sync::atomic::{AtomicIsize, Ordering};
@@ -70,6 +71,14 @@ fn error_name(code: ffi::RTCError) -> &'static str {
         ffi::RTCError::RTC_ERROR_UNSUPPORTED_CPU => "unsupported processor",
         ffi::RTCError::RTC_ERROR_CANCELLED => "cancelled",
         _ => "unknown error",
+    }
+}
+
+fn build_quality(quality: BuildQuality) -> ffi::RTCBuildQuality {
+    match quality {
+        BuildQuality::Low => ffi::RTCBuildQuality::RTC_BUILD_QUALITY_LOW,
+        BuildQuality::Medium => ffi::RTCBuildQuality::RTC_BUILD_QUALITY_MEDIUM,
+        BuildQuality::High => ffi::RTCBuildQuality::RTC_BUILD_QUALITY_HIGH,
     }
 }
 
@@ -194,11 +203,15 @@ impl GeometryHandle {
 
     /// # Safety
     /// The index buffer is shared: `mesh` must outlive every scene that the geometry is attached to.
-    unsafe fn triangles(device: &Arc<Device>, mesh: &TriangleMesh) -> Result<GeometryHandle, AccelError> {
+    unsafe fn triangles(
+        device: &Arc<Device>,
+        mesh: &TriangleMesh,
+        quality: BuildQuality,
+    ) -> Result<GeometryHandle, AccelError> {
         let vertices = mesh.positions.len();
         // Embree reads vertices by index without a check while it traces.
         assert!(
-            mesh.indices.as_flattened().iter().all(|&i| (i as usize) < vertices),
+            mesh.indices.par_iter().flatten().all(|&i| (i as usize) < vertices),
             "the mesh was not validated"
         );
         let geometry = GeometryHandle::new(device, ffi::RTCGeometryType::RTC_GEOMETRY_TYPE_TRIANGLE)?;
@@ -235,6 +248,8 @@ impl GeometryHandle {
                 mesh.indices.len(),
             );
         }
+        // SAFETY: the geometry is valid.
+        unsafe { ffi::rtcSetGeometryBuildQuality(geometry.handle, build_quality(quality)) };
         geometry.commit()?;
         Ok(geometry)
     }
@@ -298,6 +313,8 @@ impl Scene {
             handle,
             device: Arc::clone(device),
         };
+        // SAFETY: the scene is valid.
+        unsafe { ffi::rtcSetSceneBuildQuality(handle, build_quality(options.quality)) };
         if options.intersector == Intersector::Robust {
             // SAFETY: the scene is valid.
             unsafe { ffi::rtcSetSceneFlags(handle, ffi::RTCSceneFlags::RTC_SCENE_FLAG_ROBUST) };
@@ -396,7 +413,7 @@ impl Accel for Embree {
                 continue;
             }
             // SAFETY: `Embree` keeps all meshes until its scene is gone; after an error, `geometry` outlives the scenes.
-            let triangles = || unsafe { GeometryHandle::triangles(&device, mesh) };
+            let triangles = || unsafe { GeometryHandle::triangles(&device, mesh, options.quality) };
             let handle = match &placement.to_world {
                 None => triangles()?,
                 Some(to_world) => {

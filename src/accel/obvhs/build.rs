@@ -5,6 +5,7 @@
 //! one pair at a time: the tree becomes a list, building it takes the square of its length, and recursion over it ends the
 //! process. Equal boxes are therefore built as one and divided afterwards; lists that are left are built anew, balanced.
 
+use crate::accel::BuildQuality;
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -22,16 +23,17 @@ const MAX_DEPTH: usize = 32;
 const MAX_BINARY_DEPTH: usize = 1000;
 
 /// A tree of less than [`MAX_DEPTH`] levels.
-pub(super) fn shallow(boxes: &[Aabb]) -> CwBvh {
-    let mut order = by_box(boxes);
-    let groups: Vec<&[u32]> = order
-        .chunk_by(|&a, &b| boxes[a as usize] == boxes[b as usize])
-        .collect();
-    let bvh2 = if groups.len() == boxes.len() {
-        binary(boxes)
-    } else {
-        let firsts: Vec<Aabb> = groups.iter().map(|group| boxes[group[0] as usize]).collect();
-        binary(&firsts).map(|bvh2| divide_groups(bvh2, &groups, boxes))
+pub(super) fn shallow(boxes: &[Aabb], quality: BuildQuality) -> CwBvh {
+    let order = by_box_if_many_are_equal(boxes);
+    let bvh2 = match &order {
+        None => binary(boxes, quality),
+        Some(order) => {
+            let groups: Vec<&[u32]> = order
+                .chunk_by(|&a, &b| boxes[a as usize] == boxes[b as usize])
+                .collect();
+            let firsts: Vec<Aabb> = groups.iter().map(|group| boxes[group[0] as usize]).collect();
+            binary(&firsts, quality).map(|bvh2| divide_groups(bvh2, &groups, boxes))
+        }
     };
     if let Some(bvh) = bvh2.map(|bvh2| to_wide(&bvh2))
         && depth(&bvh) < MAX_DEPTH
@@ -42,12 +44,16 @@ pub(super) fn shallow(boxes: &[Aabb]) -> CwBvh {
         nodes: vec![Bvh2Node::default()],
         ..Bvh2::default()
     };
+    let mut order = order.unwrap_or_else(|| (0..boxes.len() as u32).collect());
     balance(&mut balanced, 0, &mut order, boxes);
     to_wide(&balanced)
 }
 
-/// The indices of the boxes, equal boxes in a row.
-fn by_box(boxes: &[Aabb]) -> Vec<u32> {
+/// So many equal boxes do not make a list that matters. The two halves of a quad are two.
+const FEW: usize = 16;
+
+/// The indices of the boxes, equal boxes in a row; `None` where never more than [`FEW`] are equal.
+fn by_box_if_many_are_equal(boxes: &[Aabb]) -> Option<Vec<u32>> {
     // Sums of products mix well enough: boxes that differ may follow each other in any order.
     let key = |b: &Aabb| {
         [b.min, b.max].iter().flat_map(|p| p.to_array()).fold(0u64, |key, c| {
@@ -56,14 +62,26 @@ fn by_box(boxes: &[Aabb]) -> Vec<u32> {
                 .rotate_left(29)
         })
     };
+    // Keys alone are sorted in half of the time, and tell most scenes.
+    let mut keys: Vec<u64> = boxes.par_iter().map(key).collect();
+    keys.par_sort_unstable();
+    if keys.par_windows(FEW + 1).all(|keys| keys[0] != keys[FEW]) {
+        return None;
+    }
+    drop(keys);
     let mut keyed: Vec<(u64, u32)> = boxes.par_iter().map(key).zip(0..boxes.len() as u32).collect();
     keyed.par_sort_unstable();
-    keyed.into_iter().map(|(_, i)| i).collect()
+    Some(keyed.into_iter().map(|(_, i)| i).collect())
 }
 
 /// The crate's builder; `None` where it makes a list.
-fn binary(boxes: &[Aabb]) -> Option<Bvh2> {
-    let params = BvhBuildParams::medium_build();
+fn binary(boxes: &[Aabb], quality: BuildQuality) -> Option<Bvh2> {
+    let params = match quality {
+        BuildQuality::Low => BvhBuildParams::very_fast_build(),
+        BuildQuality::Medium => BvhBuildParams::medium_build(),
+        // Without its splits of triangles: a leaf is one of our triangles.
+        BuildQuality::High => BvhBuildParams::slow_build(),
+    };
     let mut bvh2 = PlocBuilder::with_capacity(boxes.len()).build(
         params.ploc_search_distance,
         boxes,
@@ -190,7 +208,11 @@ mod tests {
 
     #[test]
     fn nothing_is_missed_among_a_thousand_equal_triangles() {
-        let many = TriangleTree::build(vec![([Vec3::NEG_X, Vec3::X, Vec3::Y], (0, 0)); 100_000]);
+        let many = TriangleTree::build(
+            vec![(0, 0); 100_000],
+            |_| [Vec3::NEG_X, Vec3::X, Vec3::Y],
+            BuildQuality::Medium,
+        );
         assert!(depth(&many.tree.bvh) < MAX_DEPTH);
         assert_hits_are_those_of_brute_force(&[[Vec3::NEG_X, Vec3::X, Vec3::Y]; 1000]);
         let mut one_large = vec![[Vec3::NEG_X, Vec3::X, Vec3::Y].map(|p| p * 1e-25); 1000];
