@@ -4,6 +4,11 @@
 //! values rather than between ways to go, is compiled to instructions that serve 4, 8 or 16 lanes at once; the code of the
 //! body reads as for one. Lanes past the last one in use hold numbers that nobody reads.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "a lane is read and written in many columns at once"
+)]
+
 use crate::math::{Rgb, Vec3};
 use std::ops::{Index, IndexMut};
 

@@ -65,7 +65,7 @@ impl RenderReport {
 pub fn render<A: Accel>(
     scene: &Scene,
     accel: &A,
-    kernel: Kernel<A>,
+    kernel: Kernel,
     job: &Job,
     stop: &(dyn Fn() -> bool + Sync),
     progress: &(dyn Fn(u64) + Sync),
@@ -78,7 +78,7 @@ pub fn render<A: Accel>(
 pub fn render_passes<A: Accel>(
     scene: &Scene,
     accel: &A,
-    kernel: Kernel<A>,
+    kernel: Kernel,
     job: &Job,
     stop: &(dyn Fn() -> bool + Sync),
     progress: &(dyn Fn(u64) + Sync),
@@ -101,7 +101,7 @@ pub fn render_passes<A: Accel>(
                     .flat_map(move |sample| block.coordinates().map(move |(x, y)| SampleId { sample, y, x }))
             });
             while batch.fill(&mut samples) {
-                kernel(scene, accel, &job.settings, batch, &mut report.rays);
+                kernel.trace(scene, accel, &job.settings, batch, &mut report.rays);
                 for (id, radiance) in batch.results() {
                     if radiance.is_finite() {
                         tile.add(id.x, id.y, radiance);

@@ -35,7 +35,7 @@ fn allocations<A: Accel>(scene: &Scene, accel: &A, spp: u32) -> usize {
     let crop = Rect { x0: 0, y0: 0, x1, y1 };
     let settings = Settings::default();
     let job = Job { crop, spp, settings };
-    let kernel = kernel_for::<A>(scene, KernelChoice::Auto).1;
+    let kernel = kernel_for(scene, KernelChoice::Auto);
     let region = Region::new(ALLOCATOR);
     let (_, report) = render(scene, accel, kernel, &job, &|| false, &|_| ());
     let change = region.change();

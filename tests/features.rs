@@ -56,7 +56,7 @@ fn image<A: Accel>(scene: &Scene, accel: &A, choice: KernelChoice, settings: Set
     let [x1, y1] = scene.camera.resolution();
     let crop = Rect { x0: 0, y0: 0, x1, y1 };
     let job = Job { crop, spp: 8, settings };
-    let (film, report) = render(scene, accel, kernel_for::<A>(scene, choice).1, &job, &|| false, &|_| ());
+    let (film, report) = render(scene, accel, kernel_for(scene, choice), &job, &|| false, &|_| ());
     assert_eq!(report.dropped.count, 0);
     film.develop()
 }
@@ -64,7 +64,7 @@ fn image<A: Accel>(scene: &Scene, accel: &A, choice: KernelChoice, settings: Set
 /// Renders by the kernel for the scene and by the general one, which must agree in every bit.
 fn assert_kernels_agree<A: Accel>(scene: &Scene, settings: Settings, what: &str) {
     let accel = A::build(&scene.geometry, BuildOptions::default()).unwrap();
-    let (features, _) = kernel_for::<A>(scene, KernelChoice::Auto);
+    let features = kernel_for(scene, KernelChoice::Auto).features;
     assert!(
         features.contains(scene.features),
         "{what}: {features} for {}",

@@ -69,7 +69,7 @@ fn run_on<A: Accel>(args: &InfoArgs) -> Result<(), Failure> {
         environment: scene.lights.environment().map(describe_environment),
         lights: scene.lights.len(),
         requires: scene.features.names(),
-        kernel: kernel_for::<A>(&scene, KernelChoice::Auto).0.to_string(),
+        kernel: kernel_for(&scene, KernelChoice::Auto).features.to_string(),
         backend: format!("{} {}", A::NAME, A::version()),
         memory_bytes: memory.map(|(part, bytes)| (part.to_owned(), bytes.into())).collect(),
         warnings,

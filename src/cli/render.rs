@@ -114,7 +114,7 @@ fn run_on<A: Accel>(args: &RenderArgs, targets: &[Target], interrupt: &Interrupt
     let accel = A::build(&scene.geometry, BuildOptions { intersector, quality }).map_err(Failure::internal)?;
     let build_seconds = start.elapsed().as_secs_f64();
 
-    let (features, kernel) = kernel_for::<A>(&scene, args.estimator.kernel());
+    let kernel = kernel_for(&scene, args.estimator.kernel());
     let job = Job {
         crop,
         spp: args.spp,
@@ -179,7 +179,7 @@ fn run_on<A: Accel>(args: &RenderArgs, targets: &[Target], interrupt: &Interrupt
             scene_hash: &scene.hash,
             backend: A::NAME,
             backend_version: A::version(),
-            kernel: features.to_string(),
+            kernel: kernel.features.to_string(),
             intersector: match intersector {
                 Intersector::Robust => "robust",
                 Intersector::Fast => "fast",

@@ -128,8 +128,15 @@ impl Settings {
     }
 }
 
-/// Computes the samples of a batch, and counts the rays they take.
-pub type Kernel<A> = fn(&Scene, &A, &Settings, &mut Batch, &mut RayCounts);
+/// The code that computes samples, compiled for a set of features. It does not depend on the backend: queries are made
+/// between its steps.
+#[derive(Clone, Copy, Debug)]
+pub struct Kernel {
+    /// What it is compiled for.
+    pub features: SceneFeatures,
+    start: fn(&Scene, &Settings, &mut Batch),
+    scatter: fn(&Scene, &Settings, u32, &mut Batch),
+}
 
 /// Which kernel to take.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -141,33 +148,49 @@ pub enum KernelChoice {
     General,
 }
 
-macro_rules! kernels {
-    ($($features:expr),+ $(,)?) => {
-        [$(($features, path::trace::<A, { $features.0 }>)),+]
-    };
+impl Kernel {
+    const fn new<const F: u32>() -> Kernel {
+        Kernel {
+            features: SceneFeatures(F),
+            start: vertex::start::<F>,
+            scatter: vertex::scatter::<F>,
+        }
+    }
+
+    /// Computes the samples of a batch, and counts the rays they take.
+    pub fn trace<A: Accel>(
+        &self,
+        scene: &Scene,
+        accel: &A,
+        settings: &Settings,
+        batch: &mut Batch,
+        counts: &mut RayCounts,
+    ) {
+        path::trace(self, scene, accel, settings, batch, counts);
+    }
 }
 
-/// The kernel for a scene, and the features it is compiled for.
-pub fn kernel_for<A: Accel>(scene: &Scene, choice: KernelChoice) -> (SceneFeatures, Kernel<A>) {
+/// From small to large; the last serves every scene.
+static KERNELS: [Kernel; 6] = {
     const AREA: SceneFeatures = SceneFeatures::AREA_LIGHTS;
     const ENVIRONMENT: SceneFeatures = SceneFeatures::ENVIRONMENT;
     const SMOOTH: SceneFeatures = SceneFeatures::SMOOTH_NORMALS;
     const SURFACES: SceneFeatures = SMOOTH.union(SceneFeatures::SPECULAR).union(SceneFeatures::TEXTURES);
-    // From small to large; the last serves every scene.
-    let kernels: [(SceneFeatures, Kernel<A>); 6] = kernels![
-        AREA,
-        AREA.union(SMOOTH),
-        ENVIRONMENT.union(SMOOTH).union(SceneFeatures::TEXTURES),
-        AREA.union(SURFACES),
-        ENVIRONMENT.union(AREA).union(SURFACES),
-        SceneFeatures::ALL,
-    ];
-    let general = kernels[kernels.len() - 1];
-    match choice {
-        KernelChoice::General => general,
-        KernelChoice::Auto => *kernels
-            .iter()
-            .find(|(f, _)| f.contains(scene.features))
-            .unwrap_or(&general),
-    }
+    [
+        Kernel::new::<{ AREA.0 }>(),
+        Kernel::new::<{ AREA.union(SMOOTH).0 }>(),
+        Kernel::new::<{ ENVIRONMENT.union(SMOOTH).union(SceneFeatures::TEXTURES).0 }>(),
+        Kernel::new::<{ AREA.union(SURFACES).0 }>(),
+        Kernel::new::<{ ENVIRONMENT.union(AREA).union(SURFACES).0 }>(),
+        Kernel::new::<{ SceneFeatures::ALL.0 }>(),
+    ]
+};
+
+/// The kernel for a scene.
+pub fn kernel_for(scene: &Scene, choice: KernelChoice) -> Kernel {
+    let serves = |kernel: &&Kernel| match choice {
+        KernelChoice::Auto => kernel.features.contains(scene.features),
+        KernelChoice::General => kernel.features == SceneFeatures::ALL,
+    };
+    *KERNELS.iter().find(serves).expect("the last kernel has all features")
 }

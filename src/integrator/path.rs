@@ -9,70 +9,47 @@
 //! calculates becomes vector instructions. What a path computes does not depend on the others in its batch.
 
 use super::batch::{Batch, EscapedPath, Lanes, SampleId};
-use super::vertex::Shading;
-use super::{RayCounts, Settings};
+use super::vertex::{camera_ray, wide};
+use super::{Kernel, RayCounts, Settings};
 use crate::accel::{Accel, Hit, Ray};
 use crate::film::Rect;
 use crate::interaction::texture_coordinates;
-use crate::math::{DVec3, Rgb};
 use crate::sampling::Sampler;
 use crate::scene::{Scene, SceneFeatures};
-use pulp::{Arch, Simd, WithSimd};
 
-/// The channels in f64.
-#[inline(always)]
-pub(super) fn wide(rgb: Rgb) -> DVec3 {
-    DVec3::from(rgb.to_array().map(f64::from))
-}
-
-/// Estimates radiance in one scene. `F` is the set of features that the code is compiled for.
-struct PathTracer<'a, A, const F: u32> {
+/// Estimates radiance in one scene.
+struct PathTracer<'a, A> {
+    kernel: &'a Kernel,
+    scene: &'a Scene,
     accel: &'a A,
-    shading: Shading<'a, F>,
+    settings: &'a Settings,
 }
 
 /// Traces the paths of a batch.
-pub(super) fn trace<A: Accel, const F: u32>(
+pub(super) fn trace<A: Accel>(
+    kernel: &Kernel,
     scene: &Scene,
     accel: &A,
     settings: &Settings,
     batch: &mut Batch,
     counts: &mut RayCounts,
 ) {
-    let shading = Shading { scene, settings };
-    PathTracer::<A, F> { accel, shading }.trace(batch, counts);
+    let tracer = PathTracer {
+        kernel,
+        scene,
+        accel,
+        settings,
+    };
+    tracer.trace(batch, counts);
 }
 
-/// [`Shading::start`], compiled for each instruction set.
-struct Start<'a, const F: u32>(Shading<'a, F>, &'a mut Batch);
-
-impl<const F: u32> WithSimd for Start<'_, F> {
-    type Output = ();
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        self.0.start(self.1);
-    }
-}
-
-/// [`Shading::scatter`], compiled for each instruction set.
-struct Scatter<'a, const F: u32>(Shading<'a, F>, u32, &'a mut Batch);
-
-impl<const F: u32> WithSimd for Scatter<'_, F> {
-    type Output = ();
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        self.0.scatter(self.1, self.2);
-    }
-}
-
-impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
+impl<A: Accel> PathTracer<'_, A> {
     fn trace(&self, batch: &mut Batch, counts: &mut RayCounts) {
-        let arch = Arch::new();
-        arch.dispatch(Start(self.shading, batch));
+        (self.kernel.start)(self.scene, self.settings, batch);
         counts.camera += batch.samples.len() as u64;
         for depth in 0.. {
             self.advance(depth, batch);
-            arch.dispatch(Scatter(self.shading, depth, batch));
+            (self.kernel.scatter)(self.scene, self.settings, depth, batch);
             counts.bounce += batch.alive.len() as u64;
             counts.shadow += batch.shadow_rays.len() as u64;
             self.add_unoccluded(batch);
@@ -85,6 +62,7 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
     /// Finds what each path meets, and moves those that meet something together.
     fn advance(&self, depth: u32, batch: &mut Batch) {
         let has_cutouts = self.has_cutouts();
+        let has_environment = self.scene.features.contains(SceneFeatures::ENVIRONMENT);
         if depth == 0 && !has_cutouts {
             self.intersect_camera(batch);
         }
@@ -101,7 +79,7 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
         for i in alive.iter().map(|&i| i as usize) {
             let ray = paths.ray(i);
             let hit = if has_cutouts {
-                let sampler = paths.sampler(i, self.shading.settings.sampler, depth);
+                let sampler = paths.sampler(i, self.settings.sampler, depth);
                 self.nearest_opaque(ray, &sampler)
             } else if depth == 0 {
                 camera_hits[i]
@@ -113,7 +91,7 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
                     paths.copy(i, hits.len());
                 }
                 hits.push(hit);
-            } else if Shading::<F>::ENVIRONMENT {
+            } else if has_environment {
                 escaped.directions.set(escaped.paths.len(), ray.direction);
                 escaped.paths.push(EscapedPath {
                     sample: paths.sample[i],
@@ -138,7 +116,7 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
             block_hits,
             ..
         } = batch;
-        let [x1, y1] = self.shading.scene.camera.resolution();
+        let [x1, y1] = self.scene.camera.resolution();
         let image = Rect { x0: 0, y0: 0, x1, y1 };
         let block = |id: &SampleId| Rect::block(id.x, id.y);
         let together = |a: &SampleId, b: &SampleId| a.sample == b.sample && block(a) == block(b);
@@ -155,7 +133,7 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
                 continue;
             }
             let whole = || block.coordinates().map(|(x, y)| SampleId { x, y, ..ids[0] });
-            block_rays.extend(whole().map(|id| self.shading.camera_ray(id).1));
+            block_rays.extend(whole().map(|id| camera_ray(self.scene, self.settings, id).1));
             block_hits.clear();
             self.accel.intersect_coherent(block_rays, block_hits);
             let wanted = whole().zip(&*block_hits).filter(|(id, _)| ids.contains(id));
@@ -182,10 +160,7 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
 
     /// Whether light may pass some surfaces by chance.
     fn has_cutouts(&self) -> bool {
-        // The kernel for everything also asks the scene: the queries of a backend may disagree about a hit at the very
-        // end of a segment, and the image must not depend on the kernel.
-        SceneFeatures(F).contains(SceneFeatures::CUTOUTS)
-            && self.shading.scene.features.contains(SceneFeatures::CUTOUTS)
+        self.scene.features.contains(SceneFeatures::CUTOUTS)
     }
 
     /// The nearest hit that is there: a partly transparent surface lets a ray pass by chance.
@@ -216,14 +191,10 @@ impl<A: Accel, const F: u32> PathTracer<'_, A, F> {
     }
 
     fn opacity(&self, hit: &Hit) -> f32 {
-        let material =
-            &self.shading.scene.materials[self.shading.scene.surfaces[hit.placement as usize].material as usize];
+        let material = &self.scene.materials[self.scene.surfaces[hit.placement as usize].material as usize];
         if material.opacity.is_none() {
             return 1.0;
         }
-        material.opacity(
-            &self.shading.scene.textures,
-            texture_coordinates(&self.shading.scene.geometry, hit),
-        )
+        material.opacity(&self.scene.textures, texture_coordinates(&self.scene.geometry, hit))
     }
 }

@@ -1,7 +1,11 @@
 //! One vertex of the paths of a batch: equation 5, in steps that each fetch or calculate for all paths.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "a lane is read and written in many columns at once"
+)]
+
 use super::batch::{Batch, Lanes, Paths, SampleId, Vertices};
-use super::path::wide;
 use super::{BounceSampling, Roulette, Settings};
 use crate::accel::{Hit, Ray};
 use crate::bsdf::{Bsdf, BsdfEval, BsdfSample, Diffuse};
@@ -12,6 +16,7 @@ use crate::math::{DVec3, Frame, Rgb, Vec3};
 use crate::sampling::mis::power_heuristic;
 use crate::sampling::{Dimension, Sampler};
 use crate::scene::{Scene, SceneFeatures};
+use pulp::{Arch, Simd, WithSimd};
 
 /// Roulette by throughput lets a path survive with this times what it carries, relative to its first scattering. The
 /// variance that a path may still bring grows with the square of its weight and its cost does not depend on it, so the best
@@ -40,11 +45,63 @@ fn drawable(p: f32) -> f32 {
     ((p * STEPS) as i32).max(i32::from(p > 0.0)) as f32 / STEPS
 }
 
+/// The channels in f64.
+#[inline(always)]
+pub(super) fn wide(rgb: Rgb) -> DVec3 {
+    DVec3::from(rgb.to_array().map(f64::from))
+}
+
+/// Starts a path at the camera for each sample.
+pub(super) fn start<const F: u32>(scene: &Scene, settings: &Settings, batch: &mut Batch) {
+    Arch::new().dispatch(Start(Shading::<F> { scene, settings }, batch));
+}
+
+/// Scatters each path at its hit: adds what it meets, prepares direct light, and the ray that carries the recursion.
+pub(super) fn scatter<const F: u32>(scene: &Scene, settings: &Settings, depth: u32, batch: &mut Batch) {
+    Arch::new().dispatch(Scatter(Shading::<F> { scene, settings }, depth, batch));
+}
+
+/// [`Shading::start`], compiled for each instruction set.
+struct Start<'a, const F: u32>(Shading<'a, F>, &'a mut Batch);
+
+impl<const F: u32> WithSimd for Start<'_, F> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.0.start(self.1);
+    }
+}
+
+/// [`Shading::scatter`], compiled for each instruction set.
+struct Scatter<'a, const F: u32>(Shading<'a, F>, u32, &'a mut Batch);
+
+impl<const F: u32> WithSimd for Scatter<'_, F> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.0.scatter(self.1, self.2);
+    }
+}
+
+/// The random numbers of a sample, and its ray.
+#[inline(always)]
+pub(super) fn camera_ray(scene: &Scene, settings: &Settings, SampleId { sample, y, x }: SampleId) -> (Sampler, Ray) {
+    let camera = &scene.camera;
+    let sampler = Sampler::new(settings.sampler, settings.seed, x, y, sample);
+    let jitter = sampler.get_2d(Dimension::Pixel);
+    let lens = if camera.has_lens() {
+        sampler.get_2d(Dimension::Lens)
+    } else {
+        [0.5; 2]
+    };
+    (sampler, camera.ray(x, y, jitter, lens))
+}
+
 /// Everything about scattering but the rays. `F` is the set of features that the code is compiled for.
 #[derive(Clone, Copy)]
-pub(super) struct Shading<'a, const F: u32> {
-    pub(super) scene: &'a Scene,
-    pub(super) settings: &'a Settings,
+struct Shading<'a, const F: u32> {
+    scene: &'a Scene,
+    settings: &'a Settings,
 }
 
 impl Vertices {
@@ -146,12 +203,12 @@ impl Vertices {
 }
 
 impl<const F: u32> Shading<'_, F> {
-    pub(super) const ENVIRONMENT: bool = SceneFeatures(F).contains(SceneFeatures::ENVIRONMENT);
+    const ENVIRONMENT: bool = SceneFeatures(F).contains(SceneFeatures::ENVIRONMENT);
     const AREA_LIGHTS: bool = SceneFeatures(F).contains(SceneFeatures::AREA_LIGHTS);
 
     /// Starts a path at the camera for each sample.
     #[inline(always)]
-    pub(super) fn start(self, batch: &mut Batch) {
+    fn start(self, batch: &mut Batch) {
         let n = batch.samples.len();
         batch.radiance.clear();
         batch.radiance.resize(n, DVec3::ZERO);
@@ -165,7 +222,7 @@ impl<const F: u32> Shading<'_, F> {
         }
         for i in 0..padded(n) {
             let [x, y, sample] = [0, 1, 2].map(|k| coordinates[k][i]);
-            let (sampler, ray) = self.camera_ray(SampleId { x, y, sample });
+            let (sampler, ray) = camera_ray(self.scene, self.settings, SampleId { x, y, sample });
             paths.sample[i] = i as u32;
             paths.keys[0][i] = sampler.key[0];
             paths.keys[1][i] = sampler.key[1];
@@ -180,22 +237,9 @@ impl<const F: u32> Shading<'_, F> {
         }
     }
 
-    #[inline(always)]
-    pub(super) fn camera_ray(&self, SampleId { sample, y, x }: SampleId) -> (Sampler, Ray) {
-        let camera = &self.scene.camera;
-        let sampler = Sampler::new(self.settings.sampler, self.settings.seed, x, y, sample);
-        let jitter = sampler.get_2d(Dimension::Pixel);
-        let lens = if camera.has_lens() {
-            sampler.get_2d(Dimension::Lens)
-        } else {
-            [0.5; 2]
-        };
-        (sampler, camera.ray(x, y, jitter, lens))
-    }
-
     /// Scatters each path at its hit: adds what it meets, prepares direct light, and the ray that carries the recursion.
     #[inline(always)]
-    pub(super) fn scatter(self, depth: u32, batch: &mut Batch) {
+    fn scatter(self, depth: u32, batch: &mut Batch) {
         batch.alive.clear();
         batch.shadow_rays.clear();
         batch.shadow_light.clear();

@@ -13,6 +13,11 @@
 //!
 //! The probabilities are those that the built table implies, kept beside the texel's colour: one lookup gives both.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "a lane is read and written in many columns at once"
+)]
+
 use crate::columns::{Column, Columns, padded};
 use crate::image::Image;
 use crate::math::{DVec3, Rgb, Vec3, atan2_turns, floor, floor_f64, sin_cos_turns};

@@ -119,6 +119,7 @@ impl Node {
     #[inline(always)]
     fn importance(&self, at: &Receiver) -> [f32; WIDTH] {
         let mut importance = [0.0; WIDTH];
+        #[allow(clippy::needless_range_loop, reason = "a child is read in many columns at once")]
         for i in 0..WIDTH {
             let v = [0, 1, 2].map(|k| self.center[k][i] - at.p[k]);
             let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

@@ -8,12 +8,12 @@ use embrace::math::Rgb;
 /// Traces the samples 0, 1, ... of the first pixel of a scene, each on its own.
 pub(crate) fn trace<A: Accel>(stage: &Stage, settings: &Settings, paths: u32) -> Vec<(RayCounts, Rgb)> {
     let Prepared { scene, accel, .. } = stage.prepare::<A>(settings);
-    let (_, kernel) = kernel_for::<A>(&scene, KernelChoice::Auto);
+    let kernel = kernel_for(&scene, KernelChoice::Auto);
     let mut batch = Batch::default();
     let path = |sample| {
         let mut counts = RayCounts::default();
         assert!(batch.fill(&mut [SampleId { sample, y: 0, x: 0 }].into_iter()));
-        kernel(&scene, &accel, settings, &mut batch, &mut counts);
+        kernel.trace(&scene, &accel, settings, &mut batch, &mut counts);
         let (_, radiance) = batch.results().next().expect("one path");
         (counts, radiance)
     };

@@ -311,20 +311,20 @@ impl Stage {
 pub(crate) struct Prepared<A> {
     pub(crate) scene: Scene,
     pub(crate) accel: A,
-    kernel: Kernel<A>,
+    kernel: Kernel,
 }
 
 impl<A: Accel> Prepared<A> {
     pub(crate) fn new(desc: SceneDesc, options: SceneOptions) -> Prepared<A> {
         let scene = Scene::build(desc, options).expect("the scene of a test can be built");
         let accel = A::build(&scene.geometry, BuildOptions::default()).expect("the backend can be built");
-        let (_, kernel) = kernel_for::<A>(&scene, KernelChoice::Auto);
+        let kernel = kernel_for(&scene, KernelChoice::Auto);
         Prepared { scene, accel, kernel }
     }
 
     /// The kernel that serves every scene instead of the smallest.
     pub(crate) fn with_general_kernel(mut self) -> Self {
-        self.kernel = kernel_for::<A>(&self.scene, KernelChoice::General).1;
+        self.kernel = kernel_for(&self.scene, KernelChoice::General);
         self
     }
 

@@ -25,10 +25,10 @@ pub(super) struct Vertex {
 
 /// The path of one sample, by the renderer's own kernel.
 pub(super) fn path<A: Accel>(scene: &Scene, accel: &Recorder<A>, settings: &Settings, id: SampleId) -> Path {
-    let (_, kernel) = kernel_for::<Recorder<A>>(scene, KernelChoice::Auto);
+    let kernel = kernel_for(scene, KernelChoice::Auto);
     let mut batch = Batch::default();
     assert!(batch.fill(&mut [id].into_iter()));
-    kernel(scene, accel, settings, &mut batch, &mut RayCounts::default());
+    kernel.trace(scene, accel, settings, &mut batch, &mut RayCounts::default());
     let (_, radiance) = batch.results().next().expect("the sample asked for");
 
     let [x1, y1] = scene.camera.resolution();

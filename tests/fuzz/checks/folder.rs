@@ -140,7 +140,7 @@ fn render_some(desc: SceneDesc) {
         return;
     }
     let accel = Brute::build(&scene.geometry, BuildOptions::default()).expect("brute force always builds");
-    let (_, kernel) = kernel_for::<Brute>(&scene, KernelChoice::Auto);
+    let kernel = kernel_for(&scene, KernelChoice::Auto);
     let [x1, y1] = scene.camera.resolution();
     let job = Job {
         crop: Rect::block(x1 / 2, y1 / 2).intersection(Rect { x0: 0, y0: 0, x1, y1 }),
