@@ -264,7 +264,7 @@ fn a_scene_builds_no_table_for_what_it_lacks() {
                 features.contains(SceneFeatures::TEXTURES),
                 "{features}"
             );
-            let lights = environment || features.contains(SceneFeatures::AREA_LIGHTS);
+            let lights = features.contains(SceneFeatures::AREA_LIGHTS);
             assert_eq!(bytes(&scene, "lights") > 0, lights, "{features}");
         }
     }

@@ -235,7 +235,7 @@ fn every_emitter_that_can_contribute_may_be_drawn_and_most_others_are_not() {
         wasted / f64::from(receivers_seen)
     );
     assert!(useful > 10_000 && useless > 10_000);
-    assert!(wasted < 0.1 * f64::from(receivers_seen), "{wasted}");
+    assert!(wasted < 0.15 * f64::from(receivers_seen), "{wasted}");
 }
 
 /// What is left of a triangle above the plane through `p` with the normal `n`.
@@ -280,14 +280,15 @@ fn the_mean_of_light_from_chosen_emitters_is_the_sum_over_all_of_them() {
             let lights = build(&triangles, None);
             for _ in 0..4 {
                 let (p, n) = (within(&mut random, 4.0), direction(&mut random));
-                // A point nearly on an emitter gets its light from next to nothing of it.
+                // A point nearly on an emitter gets its light from next to nothing of it; one that turns away, from the
+                // tips that are above its horizon.
                 let nearest = triangles
                     .iter()
                     .flat_map(|t| t.0)
                     .map(|c| c.distance(p))
                     .fold(f32::MAX, f32::min);
                 let exact = irradiance(&triangles, p, n);
-                if nearest < 0.1 || exact == 0.0 {
+                if nearest < 0.1 || exact <= 0.05 * irradiance(&triangles, p, -n) {
                     continue;
                 }
                 let mean = |random: &mut Random| {
@@ -312,15 +313,10 @@ fn the_mean_of_light_from_chosen_emitters_is_the_sum_over_all_of_them() {
     let mut error = 0.0f64;
     for (name, estimate, exact) in &cases {
         error = error.max(estimate.standard_error / exact);
-        println!(
-            "{name}: {:.2e} {:.1e}",
-            estimate.mean / exact,
-            estimate.standard_error / exact
-        );
         assert_mean(name, *estimate, *exact, Significance::TEST.split(cases.len()));
     }
     println!("{} cases, standard errors up to {error:.1e}", cases.len());
-    assert!(error < 0.05, "{error}");
+    assert!(error < 0.02, "{error}");
 }
 
 #[test]
@@ -358,7 +354,7 @@ fn the_environment_is_drawn_more_often_where_it_brings_more() {
     assert!(pmf(-20.0, Vec3::Y) > pmf(0.0, Vec3::Y) && pmf(0.0, Vec3::Y) > pmf(1.5, Vec3::Y));
     for n in [Vec3::Y, Vec3::X, Vec3::ZERO] {
         let pmf = pmf(1.5, n);
-        assert!((0.1..=0.9).contains(&pmf), "{n}: {pmf}");
+        assert!((0.05..=0.95).contains(&pmf), "{n}: {pmf}");
     }
     let none = build(&triangles, Some(Environment::Constant(Rgb::BLACK)));
     assert_eq!(none.environment_pmf(Vec3::ZERO, Vec3::Y), 0.0);

@@ -137,9 +137,9 @@ impl EnvironmentColumns {
     }
 }
 
-/// What the environment brings to a surface of any orientation, without occlusion: luminance. Its irradiance is found from
-/// the first three moments of radiance, which is to second order in spherical harmonics (Ramamoorthi and Hanrahan 2001):
-/// exact for a constant, within some per cent for a point.
+/// An estimate of the irradiance on a surface of any orientation, without occlusion: luminance. From the first three
+/// moments of radiance, which is to second order in spherical harmonics (Ramamoorthi and Hanrahan 2001): exact for a
+/// constant, within some per cent for a point.
 #[derive(Clone, Debug)]
 pub(super) struct Irradiance {
     /// ∫ L dω [W·m⁻²].
@@ -152,18 +152,16 @@ pub(super) struct Irradiance {
 }
 
 impl Irradiance {
-    /// The root mean square of one sample's irradiance on a surface of the unit normal `n`, or zero if it takes light from
-    /// both sides: directions are drawn by luminance over the whole sphere, so that about E / F of them count, each as F.
-    /// Positive unless all is black.
+    /// Irradiance for the unit normal `n`; for zero, which is both sides, the fluence. Positive unless all is black.
     #[inline(always)]
-    pub(super) fn sample_at(&self, n: Vec3) -> f32 {
+    pub(super) fn at(&self, n: Vec3) -> f32 {
         if n == Vec3::ZERO {
             return self.fluence;
         }
         let mixed = Vec3::new(n.y * n.z, n.z * n.x, n.x * n.y);
         let value = self.constant + self.linear.dot(n) + self.diagonal.dot(n * n) + self.mixed.dot(mixed);
         // Second order undershoots zero in the shade of a point.
-        (self.fluence * value.max(0.01 * self.fluence)).sqrt()
+        value.max(0.01 * self.fluence)
     }
 }
 

@@ -11,12 +11,7 @@ use std::f64::consts::PI;
 
 /// Least probability of the environment and of all triangles together, where there are both and each may contribute:
 /// either may hide the other from a point, which no estimate knows.
-const LEAST_PMF: f32 = 0.1;
-
-/// How much noisier the environment is than triangles that bring as much light. They are smooth, near and large, so that
-/// stratified samples of them have little noise, and bounces find them as well; it is bright in a few places, which may be
-/// hidden. Measured: between 1 and 8 the error falls to the half, to 16 by another 5 %; but indoors the triangles matter.
-const ENVIRONMENT_NOISE: f32 = 8.0;
+const LEAST_PMF: f32 = 0.05;
 
 /// Draws directions towards emitters and knows the density of any direction.
 #[derive(Clone, Debug, Default)]
@@ -130,7 +125,7 @@ impl LightSampler {
         let mut u = (bits >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0);
         let mut rest = 1.0;
         if ENVIRONMENT && let Some(irradiance) = &self.irradiance {
-            let pmf = environment_share(irradiance.sample_at(n), visit.irradiance());
+            let pmf = environment_share(irradiance.at(n), visit.irradiance());
             if u < f64::from(pmf) {
                 return (Emitter::Environment, pmf);
             }
@@ -149,7 +144,7 @@ impl LightSampler {
         let Some(tree) = &self.tree else { return 0.0 };
         let visit = tree.visit(p, n);
         let rest = match &self.irradiance {
-            Some(irradiance) => 1.0 - environment_share(irradiance.sample_at(n), visit.irradiance()),
+            Some(irradiance) => 1.0 - environment_share(irradiance.at(n), visit.irradiance()),
             None => 1.0,
         };
         visit.pmf(light) * rest
@@ -165,7 +160,7 @@ impl LightSampler {
     #[inline]
     pub fn environment_pmf(&self, p: Vec3, n: Vec3) -> f32 {
         match (&self.tree, &self.irradiance) {
-            (Some(tree), Some(irradiance)) => environment_share(irradiance.sample_at(n), tree.visit(p, n).irradiance()),
+            (Some(tree), Some(irradiance)) => environment_share(irradiance.at(n), tree.visit(p, n).irradiance()),
             _ => f32::from(self.tree.is_none() && self.environment.is_some()),
         }
     }
@@ -223,7 +218,7 @@ impl LightSampler {
     }
 }
 
-/// The share of samples that the environment gets, given what a sample of it and all triangles bring.
+/// The share of samples that the environment gets, given the irradiance that it and all triangles bring.
 #[inline(always)]
 fn environment_share(environment: f32, areas: f32) -> f32 {
     if areas <= 0.0 {
@@ -231,8 +226,8 @@ fn environment_share(environment: f32, areas: f32) -> f32 {
     } else if environment <= 0.0 {
         0.0
     } else {
-        // Neither sum nor product may be beyond what f32 holds.
-        let share = 1.0 / (1.0 + areas / environment * (1.0 / ENVIRONMENT_NOISE));
+        // Their sum may be beyond what f32 holds.
+        let share = 1.0 / (1.0 + areas / environment);
         share.clamp(LEAST_PMF, 1.0 - LEAST_PMF)
     }
 }

@@ -106,7 +106,7 @@ fn emitters_tile_a_square<A: Accel>(n: u32) {
         name: format!("{triangles} triangles"),
         stage: stage.clone(),
         mis,
-        spp: 1024,
+        spp: 4096,
         irradiance,
     });
     assert_irradiance::<A>("tiles", &cases);
