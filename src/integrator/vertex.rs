@@ -25,17 +25,14 @@ use pulp::{Arch, Simd, WithSimd};
 /// scattering, because that is how an error counts: paths from dark surfaces are worth as much as those from bright ones.
 const ROULETTE_FACTOR: f32 = 3.0;
 
-/// Most that a path may survive a round of roulette by throughput with after [`TRAPPED_DEPTH`] scattering events: white walls
-/// would else trap it for good.
-const MAX_SURVIVAL: f32 = 0.95;
+/// Least and most that a path may survive a round of roulette by throughput with: after fewer than [`EARLY`] scattering
+/// events, and after more. However little a path carries, the emitter that it meets may be as much brighter; by throughput
+/// alone a path of 1e-12 would survive once in 1e12 samples, and the light that it brings be missing from every image. And
+/// white walls would trap a path for good.
+const SURVIVAL: [(f32, f32); 2] = [(0.5, 1.0), (0.05, 0.95)];
 
-/// See [`MAX_SURVIVAL`].
-const TRAPPED_DEPTH: u32 = 4;
-
-/// Least that a path may survive such a round with. However little a path carries, the emitter that it meets may be as much
-/// brighter; by throughput alone a path of 1e-12 would survive once in 1e12 samples, and the light that it brings be
-/// missing from every image. Of such paths, 1 in 400 survives two rounds.
-const MIN_SURVIVAL: f32 = 0.05;
+/// See [`SURVIVAL`].
+const EARLY: u32 = 4;
 
 /// The probability that random numbers, which are multiples of 2⁻²⁴, meet exactly: `p` rounded down to the next, but not to
 /// 0. Any other would be met by too many; one below 2⁻²⁴ by the number 0, at a weight of 1 / `p`.
@@ -620,7 +617,7 @@ impl<const F: u32> Shading<'_, F> {
         let is_last = depth == self.settings.depth_limit() && !self.settings.mis;
         let plays_roulette = self.plays_roulette();
         let is_first = depth == 1;
-        let max_survival = if depth < TRAPPED_DEPTH { 1.0 } else { MAX_SURVIVAL };
+        let limits = SURVIVAL[usize::from(depth >= EARLY)];
         let fixed_survival = match self.settings.roulette {
             Roulette::Fixed(survival) => Some(drawable(survival)),
             _ => None,
@@ -633,7 +630,7 @@ impl<const F: u32> Shading<'_, F> {
             let pdf_w = vertices.pdf_w[i];
             let mut goes_on = !is_last | (pdf_w == f32::INFINITY);
             if plays_roulette {
-                let survival = fixed_survival.unwrap_or(survival(throughput * roulette_scale, max_survival));
+                let survival = fixed_survival.unwrap_or(survival(throughput * roulette_scale, limits));
                 goes_on &= vertices.roulette[i] < survival;
                 throughput = throughput / survival;
             }
@@ -695,8 +692,8 @@ impl<const F: u32> Shading<'_, F> {
 /// The probability that a path goes on, by its scaled throughput.
 #[inline(always)]
 #[allow(clippy::manual_clamp, reason = "clamp keeps NaN, and a path of NaN would never end")]
-fn survival(carried: Rgb, max_survival: f32) -> f32 {
-    carried.max_component().max(MIN_SURVIVAL).min(max_survival)
+fn survival(carried: Rgb, (least, most): (f32, f32)) -> f32 {
+    carried.max_component().max(least).min(most)
 }
 
 #[cfg(test)]
@@ -714,7 +711,7 @@ mod tests {
             1e-6,
             0.05,
             0.3,
-            MAX_SURVIVAL,
+            SURVIVAL[1].1,
             1f32.next_down(),
         ] {
             let met = drawable(p);

@@ -22,11 +22,10 @@ use embrace::scene::{Scene, SceneDesc};
 use geometry::Interaction;
 use light::{LightSample, Lights, Origin};
 
-/// Scattering events before roulette, and the least and the most that a path may survive a round with.
+/// Roulette by throughput: its factor, and the least and the most that a path may survive a round with, early and late.
 const ROULETTE_FACTOR: f64 = 3.0;
-const TRAPPED_DEPTH: u32 = 4;
-const MIN_SURVIVAL: f64 = 0.05;
-const MAX_SURVIVAL: f64 = 0.95;
+const SURVIVAL: [(f64, f64); 2] = [(0.5, 1.0), (0.05, 0.95)];
+const EARLY: u32 = 4;
 
 /// A scene, ready for the estimator.
 pub(crate) struct Reference<'a> {
@@ -158,8 +157,8 @@ impl<'a> Reference<'a> {
             if depth == 0 {
                 roulette_scale /= throughput.max_element();
             }
-            let max_survival = if depth + 1 < TRAPPED_DEPTH { 1.0 } else { MAX_SURVIVAL };
-            let survival = (throughput.max_element() * roulette_scale).clamp(MIN_SURVIVAL, max_survival);
+            let (least, most) = SURVIVAL[usize::from(depth + 1 >= EARLY)];
+            let survival = (throughput.max_element() * roulette_scale).clamp(least, most);
             let u = f64::from(sampler.get_1d(Dimension::Roulette));
             vertex.margins.roulette = (u / survival - 1.0).abs();
             if u >= survival {
