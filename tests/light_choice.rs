@@ -3,7 +3,7 @@
 
 mod support;
 
-use embrace::light::{Emission, Emitter, EnvSampling, Environment, LightSampler, LightSamplerBuilder};
+use embrace::light::{Emission, Emitter, EnvSampling, Environment, LightSampler, LightSamplerBuilder, LightSampling};
 use embrace::math::{DVec3, Rgb, Vec3};
 use rayon::ThreadPoolBuilder;
 use std::f64::consts::PI;
@@ -95,7 +95,7 @@ fn build(triangles: &[Triangle], environment: Option<Environment>) -> LightSampl
     for (corners, emission) in triangles {
         builder.push(*corners, *emission);
     }
-    builder.build(environment)
+    builder.build(environment, LightSampling::Contribution)
 }
 
 /// A sky with a sun.

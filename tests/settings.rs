@@ -6,7 +6,7 @@ mod support;
 use embrace::accel::Accel;
 use embrace::image::Image;
 use embrace::integrator::{BounceSampling, Lighting, Roulette, Settings};
-use embrace::light::EnvSampling;
+use embrace::light::{EnvSampling, LightSampling};
 use embrace::math::Rgb;
 use embrace::sampling::SamplerKind;
 use embrace::scene::{self, EnvironmentDesc, LoadOptions, SceneDesc, SceneOptions};
@@ -108,6 +108,13 @@ fn variants() -> Vec<(&'static str, Settings)> {
             },
         ),
         (
+            "emitters by power",
+            Settings {
+                light_sampling: LightSampling::Power,
+                ..base
+            },
+        ),
+        (
             "no roulette",
             Settings {
                 roulette: Roulette::Off,
@@ -142,6 +149,7 @@ fn variants() -> Vec<(&'static str, Settings)> {
 fn means<A: Accel>(desc: &SceneDesc, settings: &Settings, seeds: u64) -> [Estimate; 3] {
     let options = SceneOptions {
         env_sampling: settings.env_sampling,
+        light_sampling: settings.light_sampling,
         ..SceneOptions::default()
     };
     Prepared::<A>::new(desc.clone(), options)

@@ -5,7 +5,7 @@
 mod support;
 
 use embrace::bsdf::{Bsdf, Conductor, Dielectric, Diffuse, Plastic};
-use embrace::light::{Emission, EnvSampling, Environment, LightSamplerBuilder};
+use embrace::light::{Emission, EnvSampling, Environment, LightSamplerBuilder, LightSampling};
 use embrace::math::{DVec3, Rgb, Vec3};
 use embrace::sampling::{Sampler, SamplerKind, warp};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -244,7 +244,7 @@ fn area_lights_are_drawn_as_often_as_they_say_and_with_the_density_they_state() 
     lights
         .iter()
         .for_each(|(corners, emission)| builder.push(*corners, *emission));
-    let sampler = builder.build(None);
+    let sampler = builder.build(None, LightSampling::Contribution);
     let area = |c: &[Vec3; 3]| 0.5 * (c[1] - c[0]).as_dvec3().cross((c[2] - c[0]).as_dvec3()).length();
     let p = Vec3::new(0.1, 0.2, 0.3);
     let pmf: Vec<f64> = (0..4).map(|i| f64::from(sampler.area_pmf(i, p, Vec3::ZERO))).collect();

@@ -2,7 +2,7 @@
 
 use crate::accel::{BuildQuality, Intersector};
 use crate::integrator::{BounceSampling, KernelChoice, Lighting, Roulette, Settings};
-use crate::light::EnvSampling;
+use crate::light::{EnvSampling, LightSampling};
 use crate::sampling::SamplerKind;
 use crate::scene::Instancing;
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -128,6 +128,9 @@ struct EstimatorArgs {
     /// How directions towards the environment are drawn
     #[arg(long, value_enum)]
     env_sampling: Option<EnvSamplingArg>,
+    /// How emitters are chosen: by what they bring to a point, or by power
+    #[arg(long, value_enum)]
+    light_sampling: Option<LightSamplingArg>,
     /// How bounces are drawn
     #[arg(long, value_enum)]
     bounce_sampling: Option<BounceSamplingArg>,
@@ -190,6 +193,12 @@ enum EnvSamplingArg {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
+enum LightSamplingArg {
+    Contribution,
+    Power,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum BounceSamplingArg {
     Bsdf,
     Cosine,
@@ -239,6 +248,12 @@ impl EstimatorArgs {
             settings.env_sampling = match env_sampling {
                 EnvSamplingArg::Importance => EnvSampling::Importance,
                 EnvSamplingArg::Uniform => EnvSampling::Uniform,
+            };
+        }
+        if let Some(light_sampling) = self.light_sampling {
+            settings.light_sampling = match light_sampling {
+                LightSamplingArg::Contribution => LightSampling::Contribution,
+                LightSamplingArg::Power => LightSampling::Power,
             };
         }
         if let Some(bounce_sampling) = self.bounce_sampling {

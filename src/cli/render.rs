@@ -104,6 +104,7 @@ fn run_on<A: Accel>(args: &RenderArgs, targets: &[Target], interrupt: &Interrupt
     let start = Instant::now();
     let options = SceneOptions {
         env_sampling: settings.env_sampling,
+        light_sampling: settings.light_sampling,
         instancing: args.estimator.instancing(),
     };
     let scene = Scene::build(desc, options).map_err(|e| Failure::input(format!("{}: {e}", args.scene.display())))?;

@@ -1,7 +1,7 @@
 //! The estimator's settings and the choice of a kernel by what the scene requires.
 
 use crate::accel::Accel;
-use crate::light::EnvSampling;
+use crate::light::{EnvSampling, LightSampling};
 use crate::sampling::SamplerKind;
 use crate::scene::{Scene, SceneFeatures};
 
@@ -76,6 +76,8 @@ pub struct Settings {
     pub lighting: Lighting,
     /// How directions towards the environment are drawn. Takes effect when the scene is built.
     pub env_sampling: EnvSampling,
+    /// How emitters are chosen. Takes effect when the scene is built.
+    pub light_sampling: LightSampling,
     /// How bounces are drawn.
     pub bounce_sampling: BounceSampling,
     /// Whether emitter samples and bounces that hit an emitter are combined by multiple importance sampling. Without it
@@ -97,6 +99,7 @@ impl Default for Settings {
             max_depth: None,
             lighting: Lighting::Global,
             env_sampling: EnvSampling::Importance,
+            light_sampling: LightSampling::Contribution,
             bounce_sampling: BounceSampling::Bsdf,
             mis: true,
             roulette: Roulette::Throughput,

@@ -2,7 +2,7 @@
 //! would bring to a point without occlusion.
 
 use super::environment::Irradiance;
-use super::tree::{Leaf, LightTree};
+use super::tree::{Leaf, LightTree, Visit};
 use super::{AreaLight, Emission, Environment, EnvironmentPoint, LightSample};
 use crate::math::Vec3;
 use crate::sampling::{Dimension, Sampler};
@@ -13,6 +13,16 @@ use std::f64::consts::PI;
 /// either may hide the other from a point, which no estimate knows.
 const LEAST_PMF: f32 = 0.05;
 
+/// How a triangle is chosen among those that emit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LightSampling {
+    /// By an estimate of what each brings to the point, without occlusion; the environment likewise.
+    #[default]
+    Contribution,
+    /// By power, wherever the point is, as the article does. The environment, where there is one, gets half of the samples.
+    Power,
+}
+
 /// Draws directions towards emitters and knows the density of any direction.
 #[derive(Clone, Debug, Default)]
 pub struct LightSampler {
@@ -22,6 +32,7 @@ pub struct LightSampler {
     environment: Option<Environment>,
     /// Absent unless there is a choice between the environment and triangles.
     irradiance: Option<Irradiance>,
+    sampling: LightSampling,
 }
 
 /// An emitter that was drawn.
@@ -58,7 +69,7 @@ impl LightSamplerBuilder {
     }
 
     /// Builds the tree. Emitters without power are never drawn.
-    pub fn build(self, environment: Option<Environment>) -> LightSampler {
+    pub fn build(self, environment: Option<Environment>, sampling: LightSampling) -> LightSampler {
         let (areas, leaves): (Vec<AreaLight>, Vec<Option<Leaf>>) = self
             .triangles
             .par_iter()
@@ -80,7 +91,12 @@ impl LightSamplerBuilder {
             })
             .unzip();
         let leaves: Vec<Leaf> = leaves.into_iter().flatten().collect();
-        let tree = LightTree::new(&leaves, areas.len(), environment.is_none());
+        let tree = LightTree::new(
+            &leaves,
+            areas.len(),
+            environment.is_none(),
+            sampling == LightSampling::Power,
+        );
         let irradiance = match (&tree, &environment) {
             (Some(_), Some(environment)) => Some(environment.irradiance()),
             _ => None,
@@ -90,6 +106,7 @@ impl LightSamplerBuilder {
             tree,
             environment,
             irradiance,
+            sampling,
         }
     }
 }
@@ -125,7 +142,7 @@ impl LightSampler {
         let mut u = (bits >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0);
         let mut rest = 1.0;
         if ENVIRONMENT && let Some(irradiance) = &self.irradiance {
-            let pmf = environment_share(irradiance.at(n), visit.irradiance());
+            let pmf = self.environment_share(irradiance, n, &visit);
             if u < f64::from(pmf) {
                 return (Emitter::Environment, pmf);
             }
@@ -144,7 +161,7 @@ impl LightSampler {
         let Some(tree) = &self.tree else { return 0.0 };
         let visit = tree.visit(p, n);
         let rest = match &self.irradiance {
-            Some(irradiance) => 1.0 - environment_share(irradiance.at(n), visit.irradiance()),
+            Some(irradiance) => 1.0 - self.environment_share(irradiance, n, &visit),
             None => 1.0,
         };
         visit.pmf(light) * rest
@@ -160,7 +177,7 @@ impl LightSampler {
     #[inline]
     pub fn environment_pmf(&self, p: Vec3, n: Vec3) -> f32 {
         match (&self.tree, &self.irradiance) {
-            (Some(tree), Some(irradiance)) => environment_share(irradiance.at(n), tree.visit(p, n).irradiance()),
+            (Some(tree), Some(irradiance)) => self.environment_share(irradiance, n, &tree.visit(p, n)),
             _ => f32::from(self.tree.is_none() && self.environment.is_some()),
         }
     }
@@ -216,18 +233,22 @@ impl LightSampler {
     pub fn memory_bytes(&self) -> usize {
         size_of_val(&*self.areas) + self.tree.as_ref().map_or(0, LightTree::memory_bytes)
     }
-}
 
-/// The share of samples that the environment gets, given the irradiance that it and all triangles bring.
-#[inline(always)]
-fn environment_share(environment: f32, areas: f32) -> f32 {
-    if areas <= 0.0 {
-        1.0
-    } else if environment <= 0.0 {
-        0.0
-    } else {
-        // Their sum may be beyond what f32 holds.
-        let share = 1.0 / (1.0 + areas / environment);
-        share.clamp(LEAST_PMF, 1.0 - LEAST_PMF)
+    /// The share of samples that the environment gets, given the irradiance that it and all triangles bring.
+    #[inline(always)]
+    fn environment_share(&self, irradiance: &Irradiance, n: Vec3, visit: &Visit) -> f32 {
+        if self.sampling == LightSampling::Power {
+            return 0.5;
+        }
+        let (environment, areas) = (irradiance.at(n), visit.irradiance());
+        if areas <= 0.0 {
+            1.0
+        } else if environment <= 0.0 {
+            0.0
+        } else {
+            // Their sum may be beyond what f32 holds.
+            let share = 1.0 / (1.0 + areas / environment);
+            share.clamp(LEAST_PMF, 1.0 - LEAST_PMF)
+        }
     }
 }

@@ -97,8 +97,8 @@ pub(super) struct LightTree {
     scale: f32,
     /// Irradiance [W·m⁻²] that a sum of importance at the root stands for.
     irradiance: f64,
-    /// Whether it is one lamp, whose parts are drawn by power alone.
-    is_one_lamp: bool,
+    /// Whether places do not count: it was asked for, or it is one lamp.
+    by_power: bool,
 }
 
 /// Steps from the root to a triangle, at most.
@@ -214,11 +214,7 @@ impl LightTree {
     #[inline(always)]
     fn shares(&self, node: u32, at: &Receiver) -> Shares {
         let node = &self.nodes[node as usize];
-        Shares::new(if self.is_one_lamp {
-            node.mass
-        } else {
-            node.importance(at)
-        })
+        Shares::new(if self.by_power { node.mass } else { node.importance(at) })
     }
 
     /// Looks at the tree from the point `p` of a surface with the unit normal `n`, or with none if it takes light from both

@@ -6,7 +6,7 @@ use super::origin;
 use crate::accel::{Geometry, Placement};
 use crate::camera::{Camera, CameraDesc, CameraError};
 use crate::light::Emission;
-use crate::light::{EnvSampling, Environment, EnvironmentError, LightSampler, LightSamplerBuilder};
+use crate::light::{EnvSampling, Environment, EnvironmentError, LightSampler, LightSamplerBuilder, LightSampling};
 use crate::material::Material;
 use crate::math::{DAffine3, DVec3};
 use crate::mesh::TriangleMesh;
@@ -63,6 +63,8 @@ pub struct Scene {
 pub struct SceneOptions {
     /// How the environment will be sampled: uniform sampling needs no table.
     pub env_sampling: EnvSampling,
+    /// How emitters will be chosen.
+    pub light_sampling: LightSampling,
     /// Whether repeated meshes share their triangles.
     pub instancing: Instancing,
 }
@@ -188,7 +190,7 @@ impl Scene {
         Ok(Scene {
             origin,
             camera,
-            lights: lights.build(environment),
+            lights: lights.build(environment, options.light_sampling),
             geometry,
             surfaces,
             materials,

@@ -6,7 +6,7 @@ use crate::support::{self, Estimate, Stage};
 use embrace::accel::Accel;
 use embrace::bsdf::{Bsdf, Dielectric};
 use embrace::integrator::{Roulette, Settings};
-use embrace::light::Emission;
+use embrace::light::{Emission, LightSampling};
 use embrace::material::{Material, Scattering};
 use embrace::math::{Rgb, Vec3};
 
@@ -49,6 +49,7 @@ fn energy<A: Accel>(name: &str, material: Material, paths: u32) -> (Estimate, us
     let settings = Settings {
         max_depth: Some(BOUNCES),
         roulette: Roulette::Off,
+        light_sampling: LightSampling::Power,
         seed: 4,
         ..Settings::default()
     };
@@ -73,7 +74,7 @@ fn ten_thousand_bounces_off_white_walls_keep_their_energy<A: Accel>() {
     let mirror = support::opaque(Scattering::Mirror {
         reflectance: Rgb::WHITE,
     });
-    // In a sphere, emitter samples and bounces have the same density: half of the light comes from each, without noise but
+    // In a sphere, emitter samples by power and bounces have the same density: half of the light comes from each, without noise but
     // for that of the facets.
     for (name, material, paths) in [
         ("diffuse", support::diffuse(1.0), 64),

@@ -3,7 +3,7 @@
 use crate::irradiance::{Case, assert_irradiance, irradiance, lit_plane, plane, settings, square_above};
 use crate::support::{self, Random};
 use embrace::accel::Accel;
-use embrace::light::{Emission, LightSamplerBuilder};
+use embrace::light::{Emission, LightSamplerBuilder, LightSampling};
 use embrace::math::Vec3;
 use embrace::mesh::TriangleMesh;
 use embrace::sampling::{Sampler, SamplerKind};
@@ -146,7 +146,7 @@ fn the_density_on_a_needle_is_that_of_its_area_and_its_true_normal() {
             let corners = mesh.triangle(triangle);
             let mut builder = LightSamplerBuilder::default();
             builder.push(corners, both_sides(1.0));
-            let lights = builder.build(None);
+            let lights = builder.build(None, LightSampling::default());
             let [a, b, c] = corners.map(|c| c.as_dvec3());
             let cross = (b - a).cross(c - a);
             for index in 0..64 {

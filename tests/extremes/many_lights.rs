@@ -3,7 +3,7 @@
 use crate::irradiance::{ALBEDO, Case, assert_irradiance, irradiance, settings, square_above};
 use crate::support::{self, Random, Stage};
 use embrace::accel::Accel;
-use embrace::light::LightSamplerBuilder;
+use embrace::light::{LightSamplerBuilder, LightSampling};
 use embrace::math::Vec3;
 use embrace::mesh::TriangleMesh;
 use glam::Quat;
@@ -62,7 +62,7 @@ fn emitters_of_powers_over_twelve_decades_are_drawn_by_power_from_afar() {
         areas.push(0.5 * f64::from(side) * f64::from(side));
         powers.push(0.5 * f64::from(side) * f64::from(side) * f64::from(radiance));
     }
-    let lights = builder.build(None);
+    let lights = builder.build(None, LightSampling::default());
     let total: f64 = powers.iter().sum();
     let (mut worst, mut sum) = (0.0f64, 0.0);
     for (i, (area, power)) in areas.iter().zip(&powers).enumerate() {

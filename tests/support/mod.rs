@@ -302,6 +302,7 @@ impl Stage {
     pub(crate) fn prepare<A: Accel>(&self, settings: &Settings) -> Prepared<A> {
         self.build(SceneOptions {
             env_sampling: settings.env_sampling,
+            light_sampling: settings.light_sampling,
             ..SceneOptions::default()
         })
     }

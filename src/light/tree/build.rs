@@ -45,8 +45,14 @@ struct Item {
 
 impl LightTree {
     /// Builds the tree of `leaves`, whose masses are positive, out of `triangles` in all. `None` if there are none.
-    /// `is_alone`: whether there is nothing but triangles, so that what one lamp brings need not be known.
-    pub(in crate::light) fn new(leaves: &[Leaf], triangles: usize, is_alone: bool) -> Option<LightTree> {
+    /// `is_alone`: whether there is nothing but triangles, so that what one lamp brings need not be known. `by_power`: whether
+    /// places do not count.
+    pub(in crate::light) fn new(
+        leaves: &[Leaf],
+        triangles: usize,
+        is_alone: bool,
+        by_power: bool,
+    ) -> Option<LightTree> {
         let largest = leaves.iter().map(|leaf| leaf.mass).fold(0.0, f64::max);
         let corners = || leaves.iter().flat_map(|leaf| leaf.corners);
         let lo = corners().fold(Vec3::INFINITY, Vec3::min).as_dvec3();
@@ -83,13 +89,13 @@ impl LightTree {
             origin,
             scale: scale as f32,
             irradiance: 0.0,
-            is_one_lamp: false,
+            by_power,
         };
         tree.build_levels(&mut items);
         tree.irradiance = largest * scale * scale * heaviest_child(&tree.nodes[0], root.mass);
         if is_alone && tree.nodes.len() == 1 && root.sin_spread < PARALLEL {
             let area: f64 = leaves.iter().map(Leaf::area).sum();
-            tree.is_one_lamp = area > LAMP_SHARE * PI * (f64::from(root.radius) / scale).powi(2);
+            tree.by_power |= area > LAMP_SHARE * PI * (f64::from(root.radius) / scale).powi(2);
         }
         Some(tree)
     }
