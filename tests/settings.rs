@@ -150,6 +150,7 @@ fn means<A: Accel>(desc: &SceneDesc, settings: &Settings, seeds: u64) -> [Estima
     let options = SceneOptions {
         env_sampling: settings.env_sampling,
         light_sampling: settings.light_sampling,
+        mis: settings.mis,
         ..SceneOptions::default()
     };
     Prepared::<A>::new(desc.clone(), options)

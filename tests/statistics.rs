@@ -95,9 +95,9 @@ fn environment_maps_are_sampled_with_the_density_they_state_and_it_integrates_to
         ("south pole", one_hot(9, 7, 1.0, 0.0), 0.0),
         ("rotated", grey_map(16, 8, |x, y| random[(y * 16 + x) as usize]), 33.0),
     ];
-    let tests = 2 * maps.len();
+    let tests = 3 * maps.len();
     for_each_in_parallel(&maps, |(name, image, rotation)| {
-        for sampling in [EnvSampling::Importance, EnvSampling::Uniform] {
+        for sampling in [EnvSampling::Importance, EnvSampling::Compensated, EnvSampling::Uniform] {
             let name = format!("{name}, {sampling:?}");
             let environment = Environment::from_map(image, 1.0, *rotation, sampling).expect("a valid map");
             // Half texels of a 16 x 8 map: the density has its kinks on their borders, unless rotated.
@@ -135,6 +135,23 @@ fn environment_maps_are_sampled_with_the_density_they_state_and_it_integrates_to
             assert_equal_but_for_rounding(&format!("{name}, radiance"), &pairs_of_radiance);
         }
     });
+}
+
+#[test]
+fn a_compensated_map_draws_what_is_brighter_than_the_mean_and_nothing_else() {
+    // Luminance 1 below the horizon, 3 above: the mean is 2.
+    let map = grey_map(16, 8, |_, y| if y < 4 { 3.0 } else { 1.0 });
+    let environment = Environment::from_map(&map, 1.0, 0.0, EnvSampling::Compensated).expect("a valid map");
+    let pdf_w = |v: f64| environment.eval(map_direction(0.3, v).as_vec3()).1;
+    // Between the middles of the two rows at the horizon, the density falls as radiance does.
+    assert!((1..=7).all(|k| pdf_w(f64::from(k) / 16.0) > 0.0));
+    assert!((9..=15).all(|k| pdf_w(f64::from(k) / 16.0) == 0.0));
+    let flat = grey_map(16, 8, |_, _| 2.0);
+    let [compensated, plain] = [EnvSampling::Compensated, EnvSampling::Importance].map(|sampling| {
+        let environment = Environment::from_map(&flat, 1.0, 0.0, sampling).expect("a valid map");
+        environment.eval(Vec3::X).1
+    });
+    assert_eq!(compensated, plain, "of one colour, nothing is left to bounces");
 }
 
 /// Panics if the two numbers of a pair differ by more than 1e-3 of the larger and 1e-4 of the largest of all.

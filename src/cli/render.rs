@@ -105,6 +105,7 @@ fn run_on<A: Accel>(args: &RenderArgs, targets: &[Target], interrupt: &Interrupt
     let options = SceneOptions {
         env_sampling: settings.env_sampling,
         light_sampling: settings.light_sampling,
+        mis: settings.mis,
         instancing: args.estimator.instancing(),
     };
     let scene = Scene::build(desc, options).map_err(|e| Failure::input(format!("{}: {e}", args.scene.display())))?;

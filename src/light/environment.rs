@@ -32,6 +32,9 @@ pub enum EnvSampling {
     /// In proportion to the light that comes from them.
     #[default]
     Importance,
+    /// In proportion to what is brighter than the mean. The rest is left to bounces: only for estimators that combine both
+    /// by multiple importance sampling (MIS compensation, Karlík et al. 2019).
+    Compensated,
     /// Uniformly over the sphere.
     Uniform,
 }
@@ -187,16 +190,23 @@ impl Environment {
         let row_weights: Vec<f64> = (0..height)
             .map(|row| (PI * (f64::from(row) + 0.5) / f64::from(height)).sin())
             .collect();
-        let weight = |k: usize| {
+        // Of what is brighter than a threshold.
+        let weight = |k: usize, threshold: f64| {
             let radiance = image.pixels[k] * scale;
             let luminance =
                 0.2126 * f64::from(radiance.r) + 0.7152 * f64::from(radiance.g) + 0.0722 * f64::from(radiance.b);
-            luminance * row_weights[k / width as usize]
+            (luminance - threshold).max(0.0) * row_weights[k / width as usize]
         };
         let count = image.pixels.len();
-        let total: f64 = (0..count).map(weight).sum();
+        let total: f64 = (0..count).map(|k| weight(k, 0.0)).sum();
+        let table_over = |threshold: f64| AliasTable::new((0..count).map(|k| weight(k, threshold)));
         let table = match sampling {
-            EnvSampling::Importance => AliasTable::new((0..count).map(weight)),
+            EnvSampling::Importance => table_over(0.0),
+            EnvSampling::Compensated => {
+                let mean = total / (f64::from(width) * row_weights.iter().sum::<f64>());
+                // Nothing is brighter in a map of one colour.
+                table_over(mean).or_else(|| table_over(0.0))
+            }
             EnvSampling::Uniform => None,
         };
         let pmf = table.as_ref().map(AliasTable::implied_pmf);

@@ -65,6 +65,9 @@ pub struct SceneOptions {
     pub env_sampling: EnvSampling,
     /// How emitters will be chosen.
     pub light_sampling: LightSampling,
+    /// Whether the scene will be rendered with multiple importance sampling alone, so that the environment may leave to
+    /// bounces what they find as well ([`EnvSampling::Compensated`]).
+    pub mis: bool,
     /// Whether repeated meshes share their triangles.
     pub instancing: Instancing,
 }
@@ -175,7 +178,10 @@ impl Scene {
                 &image,
                 scale,
                 rotation_degrees,
-                options.env_sampling,
+                match options.env_sampling {
+                    EnvSampling::Importance if options.mis => EnvSampling::Compensated,
+                    sampling => sampling,
+                },
             )?),
         };
         let used =

@@ -303,6 +303,7 @@ impl Stage {
         self.build(SceneOptions {
             env_sampling: settings.env_sampling,
             light_sampling: settings.light_sampling,
+            mis: settings.mis,
             ..SceneOptions::default()
         })
     }

@@ -100,9 +100,12 @@ impl<'a> Lights<'a> {
             } => {
                 let (width, height) = (image.width as usize, image.height as usize);
                 let radiance = |k: usize| rgb(image.pixels[k]) * f64::from(*scale);
-                let weight =
-                    |k: usize| luminance(radiance(k)) * (PI * ((k / width) as f64 + 0.5) / height as f64).sin();
+                let sin_theta = |k: usize| (PI * ((k / width) as f64 + 0.5) / height as f64).sin();
                 let count = width * height;
+                let light: f64 = (0..count).map(|k| luminance(radiance(k)) * sin_theta(k)).sum();
+                let mean_luminance = light / (0..count).map(sin_theta).sum::<f64>();
+                // With MIS, what is not brighter than the mean is left to bounces.
+                let weight = |k: usize| (luminance(radiance(k)) - mean_luminance).max(0.0) * sin_theta(k);
                 let mean = (0..count).map(weight).sum::<f64>() / count as f64;
                 let texels = (0..count).map(|k| Texel {
                     radiance: radiance(k),
