@@ -52,7 +52,7 @@ pub struct Sampler {
     pub kind: SamplerKind,
     /// Of the seed and the pixel.
     pub key: [u32; 2],
-    /// Of the sample; bit-reversed, as [`owen`] wants it, for Sobol points.
+    /// Of the sample; bit-reversed, as Owen scrambling wants it, for Sobol points.
     pub index: u32,
     /// Whose dimensions come next: 0 is the camera ray and the first vertex.
     pub bounce: u32,
