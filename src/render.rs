@@ -3,6 +3,7 @@
 use crate::accel::Accel;
 use crate::film::{Film, Rect, Tile};
 use crate::integrator::{Batch, Kernel, RayCounts, SampleId, Settings};
+use crate::light::Environment;
 use crate::scene::Scene;
 use serde::Serialize;
 use std::iter;
@@ -75,6 +76,10 @@ pub fn render<A: Accel>(
 
 /// The same, and shows the film to `after_pass` whenever all pixels have equally many samples: after the first, the second,
 /// the fourth and so on, but the last.
+///
+/// # Panics
+/// If the scene was built for multiple importance sampling ([`crate::scene::SceneOptions::mis`]) and the settings are without:
+/// light would be missing.
 pub fn render_passes<A: Accel>(
     scene: &Scene,
     accel: &A,
@@ -84,6 +89,11 @@ pub fn render_passes<A: Accel>(
     progress: &(dyn Fn(u64) + Sync),
     after_pass: &mut dyn FnMut(&Film),
 ) -> (Film, RenderReport) {
+    let needs_mis = scene.lights.environment().is_some_and(Environment::is_compensated);
+    assert!(
+        job.settings.mis || !needs_mis,
+        "the scene was built for multiple importance sampling"
+    );
     let mut film = Film::new(job.crop);
     let mut report = RenderReport::default();
     let done = AtomicU64::new(0);

@@ -1,10 +1,11 @@
 //! The state of a batch of paths, column by column.
 
 use crate::accel::{Hit, Ray};
-use crate::bsdf::Bsdf;
+use crate::bsdf::{Bsdf, BsdfSample};
 use crate::columns::{Column, Columns, LANES};
-use crate::light::{AreaLightColumns, Emitter, EnvironmentColumns};
-use crate::math::{DVec3, Rgb, Vec3};
+use crate::interaction::{ShadingTriangle, SurfaceInteraction};
+use crate::light::{AreaLightColumns, Emitter, EnvironmentColumns, LightSample};
+use crate::math::{DVec3, Frame, Rgb, Vec3};
 use crate::sampling::{Sampler, SamplerKind};
 use serde::Serialize;
 
@@ -209,4 +210,102 @@ pub(super) struct Vertices {
     pub(super) pdf_w: Column<f32>,
     pub(super) eta_squared: Column<f32>,
     pub(super) transmitted: Column<f32>,
+}
+
+impl Vertices {
+    /// The triangle and the hit on it of lane `i`; the hit's indices are left out.
+    #[inline(always)]
+    pub(super) fn triangle<const SMOOTH: bool>(&self, i: usize) -> (ShadingTriangle, Hit) {
+        let normal = |k: usize| if SMOOTH { self.normals[k].vec3(i) } else { Vec3::ZERO };
+        let triangle = ShadingTriangle {
+            corners: [0, 1, 2].map(|k| self.corners[k].vec3(i)),
+            normals: [0, 1, 2].map(normal),
+            orientation: self.orientation[i],
+        };
+        let [t, u, v] = self.hit.get(i);
+        let hit = Hit {
+            t,
+            u,
+            v,
+            placement: 0,
+            triangle: 0,
+        };
+        (triangle, hit)
+    }
+
+    #[inline(always)]
+    pub(super) fn set_interaction(&mut self, i: usize, si: &SurfaceInteraction) {
+        self.p.set(i, si.p);
+        self.ng.set(i, si.ng);
+        self.ns.set(i, si.frame.n);
+        self.lift.set(i, si.lift);
+        self.p_error[i] = si.p_error;
+        self.front[i] = f32::from(si.front);
+    }
+
+    /// The interaction of lane `i` with a ray that came along `direction`.
+    #[inline(always)]
+    pub(super) fn interaction<const SMOOTH: bool>(&self, i: usize, direction: Vec3) -> SurfaceInteraction {
+        SurfaceInteraction {
+            p: self.p.vec3(i),
+            wo: -direction,
+            ng: self.ng.vec3(i),
+            frame: Frame::from_normal(self.ns.vec3(i)),
+            front: self.front[i] > 0.0,
+            p_error: self.p_error[i],
+            lift: if SMOOTH { self.lift.vec3(i) } else { Vec3::ZERO },
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn set_light(&mut self, i: usize, light: Option<LightSample>) {
+        let light = light.unwrap_or(LightSample {
+            wi: Vec3::Z,
+            radiance: Rgb::BLACK,
+            pdf_w: 0.0,
+            target: None,
+        });
+        self.light_wi.set(i, light.wi);
+        self.light_radiance.set(i, light.radiance);
+        self.light_pdf_w[i] = light.pdf_w;
+        self.light_target.set(i, light.target.unwrap_or(Vec3::ZERO));
+        self.light_is_finite[i] = f32::from(light.target.is_some());
+    }
+
+    #[inline(always)]
+    pub(super) fn light(&self, i: usize) -> LightSample {
+        let target = self.light_target.vec3(i);
+        LightSample {
+            wi: self.light_wi.vec3(i),
+            radiance: self.light_radiance.rgb(i),
+            pdf_w: self.light_pdf_w[i],
+            target: (self.light_is_finite[i] > 0.0).then_some(target),
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn set_shadow(&mut self, i: usize, shadow: Option<(Ray, Rgb)>) {
+        self.is_lit[i] = u32::from(shadow.is_some());
+        let (ray, light) = shadow.unwrap_or((Ray::new(Vec3::ZERO, Vec3::Z), Rgb::BLACK));
+        self.shadow_origin.set(i, ray.origin);
+        self.shadow_direction.set(i, ray.direction);
+        self.shadow_t_max[i] = ray.t_max;
+        self.shadow_light.set(i, light);
+    }
+
+    #[inline(always)]
+    pub(super) fn set_bounce(&mut self, i: usize, frame: &Frame, sample: Option<BsdfSample>) {
+        self.goes_on[i] = u32::from(sample.is_some());
+        let sample = sample.unwrap_or(BsdfSample {
+            wi: Vec3::Z,
+            weight: Rgb::BLACK,
+            pdf_w: 0.0,
+            eta_squared: 1.0,
+        });
+        self.wi.set(i, frame.to_world(sample.wi));
+        self.weight.set(i, sample.weight);
+        self.pdf_w[i] = sample.pdf_w;
+        self.eta_squared[i] = sample.eta_squared;
+        self.transmitted[i] = f32::from(sample.wi.z < 0.0);
+    }
 }

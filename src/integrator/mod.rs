@@ -7,6 +7,7 @@ use crate::scene::{Scene, SceneFeatures};
 
 mod batch;
 mod path;
+mod roulette;
 mod vertex;
 
 pub use batch::{Batch, SampleId};

@@ -6,6 +6,7 @@
 )]
 
 use super::batch::{Batch, Lanes, Paths, SampleId, Vertices};
+use super::roulette::{self, Round};
 use super::{BounceSampling, Roulette, Settings};
 use crate::accel::{Hit, Ray};
 use crate::bsdf::{Bsdf, BsdfEval, BsdfSample, Diffuse};
@@ -17,30 +18,6 @@ use crate::sampling::mis::power_heuristic;
 use crate::sampling::{Dimension, Sampler};
 use crate::scene::{Scene, SceneFeatures};
 use pulp::{Arch, Simd, WithSimd};
-
-/// Roulette by throughput lets a path survive with this times what it carries, relative to its first scattering. The
-/// variance that a path may still bring grows with the square of its weight and its cost does not depend on it, so the best
-/// that roulette can do is to keep weights equal; with a factor of 1 they would be kept as large as at the first vertex,
-/// where all of the pixel's light arrives, and more error added than time saved (docs/performance.md). Relative to the first
-/// scattering, because that is how an error counts: paths from dark surfaces are worth as much as those from bright ones.
-const ROULETTE_FACTOR: f32 = 3.0;
-
-/// Least and most that a path may survive a round of roulette by throughput with: after fewer than [`EARLY`] scattering
-/// events, and after more. However little a path carries, the emitter that it meets may be as much brighter; by throughput
-/// alone a path of 1e-12 would survive once in 1e12 samples, and the light that it brings be missing from every image. And
-/// white walls would trap a path for good.
-const SURVIVAL: [(f32, f32); 2] = [(0.5, 1.0), (0.05, 0.95)];
-
-/// See [`SURVIVAL`].
-const EARLY: u32 = 4;
-
-/// The probability that random numbers, which are multiples of 2⁻²⁴, meet exactly: `p` rounded down to the next, but not to
-/// 0. Any other would be met by too many; one below 2⁻²⁴ by the number 0, at a weight of 1 / `p`.
-#[inline]
-fn drawable(p: f32) -> f32 {
-    const STEPS: f32 = 16_777_216.0;
-    ((p * STEPS) as i32).max(i32::from(p > 0.0)) as f32 / STEPS
-}
 
 /// The channels in f64.
 #[inline(always)]
@@ -101,104 +78,6 @@ struct Shading<'a, const F: u32> {
     settings: &'a Settings,
 }
 
-impl Vertices {
-    /// The triangle and the hit on it of lane `i`; the hit's indices are left out.
-    #[inline(always)]
-    fn triangle<const SMOOTH: bool>(&self, i: usize) -> (ShadingTriangle, Hit) {
-        let normal = |k: usize| if SMOOTH { self.normals[k].vec3(i) } else { Vec3::ZERO };
-        let triangle = ShadingTriangle {
-            corners: [0, 1, 2].map(|k| self.corners[k].vec3(i)),
-            normals: [0, 1, 2].map(normal),
-            orientation: self.orientation[i],
-        };
-        let [t, u, v] = self.hit.get(i);
-        let hit = Hit {
-            t,
-            u,
-            v,
-            placement: 0,
-            triangle: 0,
-        };
-        (triangle, hit)
-    }
-
-    #[inline(always)]
-    fn set_interaction(&mut self, i: usize, si: &SurfaceInteraction) {
-        self.p.set(i, si.p);
-        self.ng.set(i, si.ng);
-        self.ns.set(i, si.frame.n);
-        self.lift.set(i, si.lift);
-        self.p_error[i] = si.p_error;
-        self.front[i] = f32::from(si.front);
-    }
-
-    /// The interaction of lane `i` with a ray that came along `direction`.
-    #[inline(always)]
-    fn interaction<const SMOOTH: bool>(&self, i: usize, direction: Vec3) -> SurfaceInteraction {
-        SurfaceInteraction {
-            p: self.p.vec3(i),
-            wo: -direction,
-            ng: self.ng.vec3(i),
-            frame: Frame::from_normal(self.ns.vec3(i)),
-            front: self.front[i] > 0.0,
-            p_error: self.p_error[i],
-            lift: if SMOOTH { self.lift.vec3(i) } else { Vec3::ZERO },
-        }
-    }
-
-    #[inline(always)]
-    fn set_light(&mut self, i: usize, light: Option<LightSample>) {
-        let light = light.unwrap_or(LightSample {
-            wi: Vec3::Z,
-            radiance: Rgb::BLACK,
-            pdf_w: 0.0,
-            target: None,
-        });
-        self.light_wi.set(i, light.wi);
-        self.light_radiance.set(i, light.radiance);
-        self.light_pdf_w[i] = light.pdf_w;
-        self.light_target.set(i, light.target.unwrap_or(Vec3::ZERO));
-        self.light_is_finite[i] = f32::from(light.target.is_some());
-    }
-
-    #[inline(always)]
-    fn light(&self, i: usize) -> LightSample {
-        let target = self.light_target.vec3(i);
-        LightSample {
-            wi: self.light_wi.vec3(i),
-            radiance: self.light_radiance.rgb(i),
-            pdf_w: self.light_pdf_w[i],
-            target: (self.light_is_finite[i] > 0.0).then_some(target),
-        }
-    }
-
-    #[inline(always)]
-    fn set_shadow(&mut self, i: usize, shadow: Option<(Ray, Rgb)>) {
-        self.is_lit[i] = u32::from(shadow.is_some());
-        let (ray, light) = shadow.unwrap_or((Ray::new(Vec3::ZERO, Vec3::Z), Rgb::BLACK));
-        self.shadow_origin.set(i, ray.origin);
-        self.shadow_direction.set(i, ray.direction);
-        self.shadow_t_max[i] = ray.t_max;
-        self.shadow_light.set(i, light);
-    }
-
-    #[inline(always)]
-    fn set_bounce(&mut self, i: usize, frame: &Frame, sample: Option<BsdfSample>) {
-        self.goes_on[i] = u32::from(sample.is_some());
-        let sample = sample.unwrap_or(BsdfSample {
-            wi: Vec3::Z,
-            weight: Rgb::BLACK,
-            pdf_w: 0.0,
-            eta_squared: 1.0,
-        });
-        self.wi.set(i, frame.to_world(sample.wi));
-        self.weight.set(i, sample.weight);
-        self.pdf_w[i] = sample.pdf_w;
-        self.eta_squared[i] = sample.eta_squared;
-        self.transmitted[i] = f32::from(sample.wi.z < 0.0);
-    }
-}
-
 impl<const F: u32> Shading<'_, F> {
     const ENVIRONMENT: bool = SceneFeatures(F).contains(SceneFeatures::ENVIRONMENT);
     const AREA_LIGHTS: bool = SceneFeatures(F).contains(SceneFeatures::AREA_LIGHTS);
@@ -225,7 +104,7 @@ impl<const F: u32> Shading<'_, F> {
             paths.keys[1][i] = sampler.key[1];
             paths.index[i] = sampler.index;
             paths.throughput.set(i, Rgb::WHITE);
-            paths.roulette_scale[i] = ROULETTE_FACTOR;
+            paths.roulette_scale[i] = roulette::FACTOR;
             paths.origin.set(i, ray.origin);
             paths.direction.set(i, ray.direction);
             paths.p.set(i, ray.origin);
@@ -450,7 +329,7 @@ impl<const F: u32> Shading<'_, F> {
         for i in 0..n {
             vertices.direction.set(i, sampler(i).get_2d(Dimension::Direction));
         }
-        if self.plays_roulette() {
+        if self.settings.roulette != Roulette::Off {
             for i in 0..n {
                 vertices.roulette[i] = sampler(i).get_1d(Dimension::Roulette);
             }
@@ -615,13 +494,8 @@ impl<const F: u32> Shading<'_, F> {
     fn spawn(self, n: usize, depth: u32, paths: &mut Paths, vertices: &mut Vertices) {
         // Past the limit a bounce counts only by the emitter it hits, and not even so without MIS.
         let is_last = depth == self.settings.depth_limit() && !self.settings.mis;
-        let plays_roulette = self.plays_roulette();
         let is_first = depth == 1;
-        let limits = SURVIVAL[usize::from(depth >= EARLY)];
-        let fixed_survival = match self.settings.roulette {
-            Roulette::Fixed(survival) => Some(drawable(survival)),
-            _ => None,
-        };
+        let round = Round::new(self.settings.roulette, depth);
         for i in 0..padded(n) {
             let si = self.interaction(i, paths, vertices);
             let mut throughput = paths.throughput.rgb(i) * vertices.weight.rgb(i);
@@ -629,8 +503,8 @@ impl<const F: u32> Shading<'_, F> {
             let roulette_scale = paths.roulette_scale[i] * vertices.eta_squared[i] / first;
             let pdf_w = vertices.pdf_w[i];
             let mut goes_on = !is_last | (pdf_w == f32::INFINITY);
-            if plays_roulette {
-                let survival = fixed_survival.unwrap_or(survival(throughput * roulette_scale, limits));
+            if let Some(round) = round {
+                let survival = round.survival(throughput * roulette_scale);
                 goes_on &= vertices.roulette[i] < survival;
                 throughput = throughput / survival;
             }
@@ -681,43 +555,5 @@ impl<const F: u32> Shading<'_, F> {
             BounceSampling::Cosine => bsdf.hemisphere_pdf_w(true, wi),
             BounceSampling::Uniform => bsdf.hemisphere_pdf_w(false, wi),
         }
-    }
-
-    /// Whether paths may end by chance.
-    fn plays_roulette(&self) -> bool {
-        self.settings.roulette != Roulette::Off
-    }
-}
-
-/// The probability that a path goes on, by its scaled throughput.
-#[inline(always)]
-#[allow(clippy::manual_clamp, reason = "clamp keeps NaN, and a path of NaN would never end")]
-fn survival(carried: Rgb, (least, most): (f32, f32)) -> f32 {
-    carried.max_component().max(least).min(most)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn probabilities_are_met_by_exactly_as_many_random_numbers() {
-        let step = 1.0 / 16_777_216.0;
-        for p in [
-            f32::MIN_POSITIVE,
-            1e-9,
-            step,
-            1.5 * step,
-            1e-6,
-            0.05,
-            0.3,
-            SURVIVAL[1].1,
-            1f32.next_down(),
-        ] {
-            let met = drawable(p);
-            assert!(met > 0.0 && met < 1.0 && (met - p).abs() <= step, "{p} {met}");
-            assert_eq!((met / step).fract(), 0.0, "{p} {met}");
-        }
-        assert_eq!([0.0, f32::NAN].map(drawable), [0.0; 2]);
     }
 }

@@ -65,6 +65,8 @@ pub struct EnvironmentMap {
     /// Absent for a black map and for uniform sampling.
     table: Option<AliasTable>,
     irradiance_scale: f64,
+    /// Whether a part of its light is never sampled.
+    is_compensated: bool,
 }
 
 /// Where directions lie on a map.
@@ -228,7 +230,13 @@ impl Environment {
             texels,
             table,
             irradiance_scale: total * 2.0 * PI * PI / count as f64,
+            is_compensated: sampling == EnvSampling::Compensated,
         }))
+    }
+
+    /// Whether bounces have to find a part of the light, which only multiple importance sampling lets them.
+    pub fn is_compensated(&self) -> bool {
+        matches!(self, Environment::Map(map) if map.is_compensated)
     }
 
     /// Luminance integrated over the sphere [W·m⁻²].
