@@ -3,7 +3,9 @@
 
 mod support;
 
-use embrace::light::{Emission, Emitter, EnvSampling, Environment, LightSampler, LightSamplerBuilder, LightSampling};
+use embrace::light::{
+    Chosen, Emission, Emitter, EnvSampling, Environment, LightSampler, LightSamplerBuilder, LightSampling,
+};
 use embrace::math::{DVec3, Rgb, Vec3};
 use rayon::ThreadPoolBuilder;
 use std::f64::consts::PI;
@@ -150,7 +152,7 @@ fn emitters_are_drawn_as_often_as_their_probabilities_say() {
                 expected.push(none.max(0.0));
                 let mut counts = vec![0; expected.len()];
                 for _ in 0..draws {
-                    let (emitter, pmf) = lights.choose::<true, true>(p, n, random.bits());
+                    let Chosen { emitter, pmf, .. } = lights.choose::<true, true>(p, n, random.bits());
                     let (cell, stated) = match emitter {
                         Emitter::Area(light) => (light as usize, lights.area_pmf(light, p, n)),
                         Emitter::Environment => (triangles.len(), lights.environment_pmf(p, n)),
@@ -295,7 +297,7 @@ fn the_mean_of_light_from_chosen_emitters_is_the_sum_over_all_of_them() {
                     let draws = 2000;
                     let sum: f64 = (0..draws)
                         .map(|_| {
-                            let (emitter, pmf) = lights.choose::<true, false>(p, n, random.bits());
+                            let Chosen { emitter, pmf, .. } = lights.choose::<true, false>(p, n, random.bits());
                             let Emitter::Area(light) = emitter else { return 0.0 };
                             lights
                                 .sample_area(light, pmf, p, random.pair())
@@ -405,7 +407,7 @@ fn a_million_emitters_make_a_tree_of_few_bytes_each() {
     let mut random = Random(8);
     let (p, n) = (DVec3::new(0.3, 0.1, -0.2).as_vec3(), Vec3::Y);
     for _ in 0..1000 {
-        let (emitter, pmf) = lights.choose::<true, true>(p, n, random.bits());
+        let Chosen { emitter, pmf, .. } = lights.choose::<true, true>(p, n, random.bits());
         let Emitter::Area(light) = emitter else { continue };
         assert!(pmf > 0.0 && pmf.to_bits() == lights.area_pmf(light, p, n).to_bits());
     }

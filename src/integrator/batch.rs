@@ -86,6 +86,8 @@ pub(super) struct Paths {
     pub(super) p: Columns<3>,
     pub(super) n: Columns<3>,
     pub(super) pdf_w: Column<f32>,
+    /// The probability with which the environment was sampled there.
+    pub(super) environment_pmf: Column<f32>,
 }
 
 impl Paths {
@@ -120,11 +122,12 @@ impl Paths {
             p,
             n,
             pdf_w,
+            environment_pmf,
         } = self;
         for column in [sample, key_0, key_1, index] {
             column[to] = column[from];
         }
-        for column in [roulette_scale, pdf_w] {
+        for column in [roulette_scale, pdf_w, environment_pmf] {
             column[to] = column[from];
         }
         for columns in [throughput, origin, direction, p, n] {
@@ -146,9 +149,8 @@ pub(super) struct Escaped {
 pub(super) struct EscapedPath {
     pub(super) sample: u32,
     pub(super) throughput: Rgb,
-    pub(super) p: Vec3,
-    pub(super) n: Vec3,
     pub(super) pdf_w: f32,
+    pub(super) environment_pmf: f32,
 }
 
 /// The vertices at which paths scatter.
@@ -184,6 +186,7 @@ pub(super) struct Vertices {
     /// The emitter to sample, and the probability of it; the triangle, or the place on the environment.
     pub(super) emitters: Vec<Emitter>,
     pub(super) emitter_pmf: Column<f32>,
+    pub(super) environment_pmf: Column<f32>,
     pub(super) area_lights: AreaLightColumns,
     /// Lanes that sample the environment, and their texels.
     pub(super) sky: Vec<u32>,

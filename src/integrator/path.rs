@@ -96,9 +96,8 @@ impl<A: Accel> PathTracer<'_, A> {
                 escaped.paths.push(EscapedPath {
                     sample: paths.sample[i],
                     throughput: paths.throughput.rgb(i),
-                    p: paths.p.vec3(i),
-                    n: paths.n.vec3(i),
                     pdf_w: paths.pdf_w[i],
+                    environment_pmf: paths.environment_pmf[i],
                 });
             }
         }

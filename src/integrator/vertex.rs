@@ -12,7 +12,7 @@ use crate::accel::{Hit, Ray};
 use crate::bsdf::{Bsdf, BsdfEval, BsdfSample, Diffuse};
 use crate::columns::padded;
 use crate::interaction::{ShadingTriangle, SurfaceInteraction, texture_coordinates};
-use crate::light::{AreaLight, Emitter, LightSample};
+use crate::light::{AreaLight, Chosen, Emitter, LightSample};
 use crate::math::{DVec3, Frame, Rgb, Vec3};
 use crate::sampling::mis::power_heuristic;
 use crate::sampling::{Dimension, Sampler};
@@ -110,6 +110,7 @@ impl<const F: u32> Shading<'_, F> {
             paths.p.set(i, ray.origin);
             paths.n.set(i, Vec3::ZERO);
             paths.pdf_w[i] = f32::INFINITY;
+            paths.environment_pmf[i] = 0.0;
         }
     }
 
@@ -169,8 +170,7 @@ impl<const F: u32> Shading<'_, F> {
         environment.locate_lanes(escaped.paths.len(), &escaped.directions, places);
         for (i, path) in escaped.paths.iter().enumerate() {
             let (radiance, pdf_w) = environment.lookup(&places.get(i));
-            let light_pdf_w = || pdf_w * self.scene.lights.environment_pmf(path.p, path.n);
-            let light = radiance * self.hit_weight(path.pdf_w, light_pdf_w);
+            let light = radiance * self.hit_weight(path.pdf_w, || pdf_w * path.environment_pmf);
             batch.radiance[path.sample as usize] += wide(path.throughput * light);
         }
     }
@@ -353,23 +353,24 @@ impl<const F: u32> Shading<'_, F> {
                 vertices.ns.vec3(i)
             };
             let p = vertices.p.vec3(i);
-            let (emitter, pmf) = match (Self::AREA_LIGHTS, Self::ENVIRONMENT) {
-                _ if surface.is_delta => (Emitter::None, 0.0),
+            let chosen = match (Self::AREA_LIGHTS, Self::ENVIRONMENT) {
+                _ if surface.is_delta => Chosen::NONE,
                 (true, true) => lights.choose::<true, true>(p, n, bits),
                 (true, false) => lights.choose::<true, false>(p, n, bits),
                 (false, true) => lights.choose::<false, true>(p, n, bits),
-                (false, false) => (Emitter::None, 0.0),
+                (false, false) => Chosen::NONE,
             };
             vertices.light_side.set(i, n);
-            vertices.emitter_pmf[i] = pmf;
-            match emitter {
+            vertices.emitter_pmf[i] = chosen.pmf;
+            vertices.environment_pmf[i] = chosen.environment_pmf;
+            match chosen.emitter {
                 Emitter::Area(light) if Self::AREA_LIGHTS => {
                     vertices.area_lights.set(i, lights.area(light).to_array());
                 }
                 Emitter::Environment if Self::ENVIRONMENT => vertices.sky.push(i as u32),
                 _ => {}
             }
-            vertices.emitters.push(emitter);
+            vertices.emitters.push(chosen.emitter);
         }
         if Self::AREA_LIGHTS {
             for i in 0..padded(n) {
@@ -515,6 +516,7 @@ impl<const F: u32> Shading<'_, F> {
             paths.p.set(i, si.p);
             paths.n.set(i, vertices.light_side.vec3(i));
             paths.pdf_w[i] = pdf_w;
+            paths.environment_pmf[i] = vertices.environment_pmf[i];
             paths.origin.set(i, si.origin(vertices.transmitted[i] > 0.0));
             paths.direction.set(i, vertices.wi.vec3(i));
         }

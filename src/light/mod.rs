@@ -11,7 +11,7 @@ pub use area::{AreaLight, AreaLightColumns, Emission};
 pub use environment::{
     EnvSampling, Environment, EnvironmentColumns, EnvironmentError, EnvironmentMap, EnvironmentPoint,
 };
-pub use sampler::{Emitter, LightSampler, LightSamplerBuilder, LightSampling};
+pub use sampler::{Chosen, Emitter, LightSampler, LightSamplerBuilder, LightSampling};
 
 /// A direction towards an emitter, as seen from a point.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -46,6 +46,26 @@ pub enum Emitter {
     Environment,
 }
 
+/// What [`LightSampler::choose`] has drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Chosen {
+    /// The emitter.
+    pub emitter: Emitter,
+    /// The probability of it.
+    pub pmf: f32,
+    /// The probability with which the environment is drawn at this point, as [`LightSampler::environment_pmf`] states it.
+    pub environment_pmf: f32,
+}
+
+impl Chosen {
+    /// There is nothing to sample.
+    pub const NONE: Chosen = Chosen {
+        emitter: Emitter::None,
+        pmf: 0.0,
+        environment_pmf: 0.0,
+    };
+}
+
 /// Collects the emitters of a scene.
 #[derive(Clone, Debug, Default)]
 pub struct LightSamplerBuilder {
@@ -131,27 +151,39 @@ impl LightSampler {
     /// probability of it. `n` is the unit normal on the side that light comes from; zero if it may come from both. `AREA` and
     /// `ENVIRONMENT` say which kinds the scene may have.
     #[inline(always)]
-    pub fn choose<const AREA: bool, const ENVIRONMENT: bool>(&self, p: Vec3, n: Vec3, bits: u64) -> (Emitter, f32) {
+    pub fn choose<const AREA: bool, const ENVIRONMENT: bool>(&self, p: Vec3, n: Vec3, bits: u64) -> Chosen {
         let Some(tree) = self.tree.as_ref().filter(|_| AREA) else {
             return match &self.environment {
-                Some(_) if ENVIRONMENT => (Emitter::Environment, 1.0),
-                _ => (Emitter::None, 0.0),
+                Some(_) if ENVIRONMENT => Chosen {
+                    emitter: Emitter::Environment,
+                    pmf: 1.0,
+                    environment_pmf: 1.0,
+                },
+                _ => Chosen::NONE,
             };
         };
         let visit = tree.visit(p, n);
         let mut u = (bits >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0);
-        let mut rest = 1.0;
+        let mut environment_pmf = 0.0;
         if ENVIRONMENT && let Some(irradiance) = &self.irradiance {
-            let pmf = self.environment_share(irradiance, n, &visit);
-            if u < f64::from(pmf) {
-                return (Emitter::Environment, pmf);
+            environment_pmf = self.environment_share(irradiance, n, &visit);
+            if u < f64::from(environment_pmf) {
+                return Chosen {
+                    emitter: Emitter::Environment,
+                    pmf: environment_pmf,
+                    environment_pmf,
+                };
             }
-            u = (u - f64::from(pmf)) / (1.0 - f64::from(pmf));
-            rest = 1.0 - pmf;
+            u = (u - f64::from(environment_pmf)) / (1.0 - f64::from(environment_pmf));
         }
-        match visit.choose(u) {
-            Some((light, pmf)) => (Emitter::Area(light), pmf * rest),
+        let (emitter, pmf) = match visit.choose(u) {
+            Some((light, pmf)) => (Emitter::Area(light), pmf * (1.0 - environment_pmf)),
             None => (Emitter::None, 0.0),
+        };
+        Chosen {
+            emitter,
+            pmf,
+            environment_pmf,
         }
     }
 
@@ -211,7 +243,7 @@ impl LightSampler {
     /// no light.
     pub fn sample(&self, p: Vec3, n: Vec3, sampler: &Sampler) -> Option<LightSample> {
         let u = sampler.get_2d(Dimension::LightPosition);
-        let (emitter, pmf) = self.choose::<true, true>(p, n, sampler.get_u64(Dimension::LightChoice));
+        let Chosen { emitter, pmf, .. } = self.choose::<true, true>(p, n, sampler.get_u64(Dimension::LightChoice));
         match (emitter, &self.environment) {
             (Emitter::Area(light), _) => self.sample_area(light, pmf, p, u),
             (Emitter::Environment, Some(environment)) => {

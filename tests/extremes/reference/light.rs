@@ -2,7 +2,7 @@
 
 use super::geometry::{Geometry, Hit, Interaction};
 use super::rgb;
-use embrace::light::{Emission, Emitter, Environment, LightSampler};
+use embrace::light::{Chosen, Emission, Emitter, Environment, LightSampler};
 use embrace::math::{DVec3, Vec3};
 use embrace::sampling::{Dimension, Sampler};
 use embrace::scene::{EnvironmentDesc, Scene};
@@ -163,7 +163,7 @@ impl<'a> Lights<'a> {
         let u = sampler.get_2d(Dimension::LightPosition).map(f64::from);
         let [p, n] = from.rounded();
         let bits = sampler.get_u64(Dimension::LightChoice);
-        let (emitter, pmf) = self.choice.choose::<true, true>(p, n, bits);
+        let Chosen { emitter, pmf, .. } = self.choice.choose::<true, true>(p, n, bits);
         let pmf = f64::from(pmf);
         match (emitter, &self.environment) {
             (Emitter::Area(light), _) => Some(self.areas[light as usize].sample(pmf, from.p, u)),
