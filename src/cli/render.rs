@@ -112,7 +112,10 @@ fn run_on<A: Accel>(args: &RenderArgs, targets: &[Target], interrupt: &Interrupt
     let [width, height] = scene.camera.resolution();
     let crop = crop(args, [width, height])?;
     let paths = crop.pixels() * u64::from(args.spp);
-    let quality = args.estimator.build_quality(paths, scene.triangles());
+    // By the whole image, so that a crop is traced in the same tree: trees differ in which of two triangles at the same
+    // distance is hit.
+    let whole = u64::from(width) * u64::from(height) * u64::from(args.spp);
+    let quality = args.estimator.build_quality(whole, scene.triangles());
     let accel = A::build(&scene.geometry, BuildOptions { intersector, quality }).map_err(Failure::internal)?;
     let build_seconds = start.elapsed().as_secs_f64();
 
