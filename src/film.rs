@@ -46,6 +46,19 @@ impl Rect {
         rows.flat_map(move |y| start(self.x0, self.x1).map(move |x| Rect::block(x, y).intersection(self)))
     }
 
+    /// Squares of this edge length that cover the rectangle from its corner on, cut off at its ends; row by row.
+    pub fn split(self, size: u32) -> impl Iterator<Item = Rect> {
+        let rows = (self.y0..self.y1).step_by(size as usize);
+        rows.flat_map(move |y0| {
+            (self.x0..self.x1).step_by(size as usize).map(move |x0| Rect {
+                x0,
+                y0,
+                x1: self.x1.min(x0.saturating_add(size)),
+                y1: self.y1.min(y0.saturating_add(size)),
+            })
+        })
+    }
+
     /// Column and row of every pixel, row by row.
     pub fn coordinates(self) -> impl Iterator<Item = (u32, u32)> {
         (self.y0..self.y1).flat_map(move |y| (self.x0..self.x1).map(move |x| (x, y)))
@@ -99,6 +112,77 @@ impl Sum {
     }
 }
 
+/// What is kept of the samples of a pixel, 0 to some number.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PixelSums {
+    sum: Sum,
+    /// Of the samples with an even index, less that of the others. A plain sum: only an error is made of it.
+    difference: [f64; 3],
+    samples: u32,
+}
+
+impl PixelSums {
+    /// Adds the next sample.
+    #[inline]
+    pub fn add(&mut self, radiance: Rgb) {
+        let x = radiance.to_array().map(f64::from);
+        self.sum.add(x);
+        let sign = if self.samples.is_multiple_of(2) { 1.0 } else { -1.0 };
+        self.difference = [0, 1, 2].map(|c| self.difference[c] + sign * x[c]);
+        self.samples += 1;
+    }
+
+    /// Number of samples.
+    pub fn samples(&self) -> u32 {
+        self.samples
+    }
+
+    /// Mean of the samples; black if there are none.
+    pub fn mean(&self) -> [f64; 3] {
+        self.sum.value().map(|s| s / f64::from(self.samples.max(1)))
+    }
+
+    /// Variance of [`PixelSums::mean`], by the difference of the means of even and odd samples, which are independent of each
+    /// other ([`crate::integrator::Settings::independent_halves`]). Unbiased, but with a single degree of freedom: good for
+    /// sums over many pixels. Infinite if there are fewer than two samples.
+    pub fn variance(&self) -> [f64; 3] {
+        if self.samples < 2 {
+            return [f64::INFINITY; 3];
+        }
+        let odd = f64::from(self.samples / 2);
+        let even = f64::from(self.samples) - odd;
+        let sum = self.sum.value();
+        [0, 1, 2].map(|c| {
+            let means = [
+                (sum[c] + self.difference[c]) / (2.0 * even),
+                (sum[c] - self.difference[c]) / (2.0 * odd),
+            ];
+            // Half by half, variances go by the reciprocals of the numbers of samples.
+            let share = even / (even + odd) * odd / (even + odd);
+            (means[0] - means[1]).powi(2) * share
+        })
+    }
+
+    fn merge(&mut self, other: &PixelSums) {
+        self.sum.add(other.sum.rounded);
+        // Too small to be rounded noticeably.
+        self.sum.error = [0, 1, 2].map(|c| self.sum.error[c] + other.sum.error[c]);
+        self.difference = [0, 1, 2].map(|c| self.difference[c] + other.difference[c]);
+        self.samples += other.samples;
+    }
+}
+
+/// Pixels that get the same number of samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cell {
+    /// Which pixels.
+    pub rect: Rect,
+    /// Samples that every pixel has.
+    pub samples: u32,
+    /// Samples that every pixel is to get, by the plan so far.
+    pub goal: u32,
+}
+
 /// Part of the film, owned by one thread at a time.
 ///
 /// Each pixel adds its samples in the order of their index, so that the sum does not depend on threads or tile order.
@@ -106,17 +190,57 @@ impl Sum {
 pub struct Tile {
     /// The pixels covered.
     pub rect: Rect,
-    /// Samples that every pixel of the tile has taken so far.
-    pub samples: u32,
-    sums: Vec<Sum>,
+    pub(crate) cells: Vec<Cell>,
+    pub(crate) pixels: TilePixels,
 }
 
 impl Tile {
-    /// Adds a sample to a pixel given in coordinates of the full image.
+    fn new(rect: Rect, cell_size: u32) -> Tile {
+        let cell = |rect| Cell {
+            rect,
+            samples: 0,
+            goal: 0,
+        };
+        Tile {
+            rect,
+            cells: rect.split(cell_size).map(cell).collect(),
+            pixels: TilePixels {
+                rect,
+                sums: vec![PixelSums::default(); rect.pixels() as usize],
+            },
+        }
+    }
+
+    /// Adds the next sample to a pixel given in coordinates of the full image.
     #[inline]
     pub fn add(&mut self, x: u32, y: u32, radiance: Rgb) {
-        let index = (y - self.rect.y0) as usize * self.rect.width() as usize + (x - self.rect.x0) as usize;
-        self.sums[index].add(radiance.to_array().map(f64::from));
+        self.pixels.at_mut(x, y).add(radiance);
+    }
+}
+
+/// The pixels of a tile, row by row.
+#[derive(Clone, Debug)]
+pub(crate) struct TilePixels {
+    rect: Rect,
+    sums: Vec<PixelSums>,
+}
+
+impl TilePixels {
+    /// A pixel given in coordinates of the full image.
+    #[inline]
+    fn at(&self, x: u32, y: u32) -> &PixelSums {
+        &self.sums[self.index(x, y)]
+    }
+
+    /// The same, to be changed.
+    #[inline]
+    pub(crate) fn at_mut(&mut self, x: u32, y: u32) -> &mut PixelSums {
+        let index = self.index(x, y);
+        &mut self.sums[index]
+    }
+
+    fn index(&self, x: u32, y: u32) -> usize {
+        (y - self.rect.y0) as usize * self.rect.width() as usize + (x - self.rect.x0) as usize
     }
 }
 
@@ -135,29 +259,34 @@ pub enum MergeError {
 #[derive(Clone, Debug)]
 pub struct Film {
     crop: Rect,
+    cell_size: u32,
     tiles: Vec<Tile>,
 }
 
 impl Film {
-    /// An empty film for a part of the image.
+    /// An empty film for a part of the image, with cells of [`TILE_SIZE`].
     pub fn new(crop: Rect) -> Film {
-        let mut tiles = Vec::new();
-        for y0 in (crop.y0..crop.y1).step_by(TILE_SIZE as usize) {
-            for x0 in (crop.x0..crop.x1).step_by(TILE_SIZE as usize) {
-                let rect = Rect {
-                    x0,
-                    y0,
-                    x1: crop.x1.min(x0 + TILE_SIZE),
-                    y1: crop.y1.min(y0 + TILE_SIZE),
-                };
-                tiles.push(Tile {
-                    rect,
-                    samples: 0,
-                    sums: vec![Sum::default(); rect.pixels() as usize],
-                });
-            }
+        Film::with_cells(crop, TILE_SIZE)
+    }
+
+    /// One with cells of so many pixels by so many, 1 to [`TILE_SIZE`].
+    pub fn with_cells(crop: Rect, cell_size: u32) -> Film {
+        let tiles = crop.split(TILE_SIZE).map(|rect| Tile::new(rect, cell_size));
+        Film {
+            crop,
+            cell_size,
+            tiles: tiles.collect(),
         }
-        Film { crop, tiles }
+    }
+
+    /// The part of the image.
+    pub fn crop(&self) -> Rect {
+        self.crop
+    }
+
+    /// Edge length of a cell in pixels.
+    pub(crate) fn cell_size(&self) -> u32 {
+        self.cell_size
     }
 
     /// The tiles, each to be handed to one thread.
@@ -165,10 +294,33 @@ impl Film {
         &mut self.tiles
     }
 
+    /// All cells, tile by tile.
+    pub fn cells(&self) -> impl Iterator<Item = &Cell> {
+        self.tiles.iter().flat_map(|tile| &tile.cells)
+    }
+
+    /// The same, with the pixels of each.
+    pub(crate) fn cells_and_pixels(&self) -> impl Iterator<Item = (&Cell, impl Iterator<Item = &PixelSums>)> {
+        self.tiles.iter().flat_map(|tile| {
+            let of_cell = |cell: &Cell| cell.rect.coordinates().map(|(x, y)| tile.pixels.at(x, y));
+            tile.cells.iter().map(move |cell| (cell, of_cell(cell)))
+        })
+    }
+
+    /// The same, to be given new goals.
+    pub(crate) fn cells_mut(&mut self) -> impl Iterator<Item = &mut Cell> {
+        self.tiles.iter_mut().flat_map(|tile| &mut tile.cells)
+    }
+
     /// The smallest and the largest number of samples of a pixel.
     pub fn sample_range(&self) -> (u32, u32) {
-        let counts = || self.tiles.iter().map(|t| t.samples);
-        (counts().min().unwrap_or(0), counts().max().unwrap_or(0))
+        let pixels = self.tiles.iter().flat_map(|t| &t.pixels.sums);
+        pixels
+            .map(PixelSums::samples)
+            .fold(None, |range: Option<(u32, u32)>, n| {
+                Some(range.map_or((n, n), |(least, most)| (least.min(n), most.max(n))))
+            })
+            .unwrap_or((0, 0))
     }
 
     /// Takes in the samples of another film of the same part of the image: other sample indices of the same render, or the
@@ -181,16 +333,17 @@ impl Film {
         if self.crop != other.crop {
             return Err(MergeError::Crop(self.crop, other.crop));
         }
-        let tiles = || self.tiles.iter().zip(&other.tiles);
-        if tiles().any(|(to, from)| to.samples.checked_add(from.samples).is_none()) {
+        let pairs = self.tiles.iter().zip(&other.tiles);
+        let mut counts = pairs.flat_map(|(to, from)| to.pixels.sums.iter().zip(&from.pixels.sums));
+        if counts.any(|(to, from)| to.samples.checked_add(from.samples).is_none()) {
             return Err(MergeError::Samples);
         }
         for (to, from) in self.tiles.iter_mut().zip(&other.tiles) {
-            to.samples += from.samples;
-            for (to, from) in to.sums.iter_mut().zip(&from.sums) {
-                to.add(from.rounded);
-                // Too small to be rounded noticeably.
-                to.error = [0, 1, 2].map(|c| to.error[c] + from.error[c]);
+            for (to, from) in to.pixels.sums.iter_mut().zip(&from.pixels.sums) {
+                to.merge(from);
+            }
+            for (to, from) in to.cells.iter_mut().zip(&from.cells) {
+                to.samples += from.samples;
             }
         }
         Ok(())
@@ -198,36 +351,37 @@ impl Film {
 
     /// The mean of the samples of every pixel; pixels without samples are black.
     pub fn develop(&self) -> Image<Rgb> {
-        Image {
-            width: self.crop.width(),
-            height: self.crop.height(),
-            pixels: self.map_means(Rgb::from),
-        }
+        self.map(|pixel| Rgb::from(pixel.mean()))
     }
 
     /// The same in f64, row by row.
     pub fn means(&self) -> Vec<[f64; 3]> {
-        self.map_means(|mean| mean)
+        self.map(PixelSums::mean).pixels
     }
 
-    fn map_means<T: Clone>(&self, f: impl Fn([f64; 3]) -> T) -> Vec<T> {
-        let mut means = vec![f([0.0; 3]); self.crop.pixels() as usize];
+    /// What `f` makes of every pixel.
+    pub fn map<T: Clone + Default>(&self, f: impl Fn(&PixelSums) -> T) -> Image<T> {
+        let mut pixels = vec![T::default(); self.crop.pixels() as usize];
         for tile in &self.tiles {
-            let samples = f64::from(tile.samples.max(1));
-            for (row, sums) in tile.sums.chunks_exact(tile.rect.width() as usize).enumerate() {
+            for (row, sums) in tile.pixels.sums.chunks_exact(tile.rect.width() as usize).enumerate() {
                 let y = tile.rect.y0 as usize - self.crop.y0 as usize + row;
                 let start = y * self.crop.width() as usize + (tile.rect.x0 - self.crop.x0) as usize;
-                for (mean, sum) in means[start..].iter_mut().zip(sums) {
-                    *mean = f(sum.value().map(|s| s / samples));
+                for (pixel, sums) in pixels[start..].iter_mut().zip(sums) {
+                    *pixel = f(sums);
                 }
             }
         }
-        means
+        Image {
+            width: self.crop.width(),
+            height: self.crop.height(),
+            pixels,
+        }
     }
 
     /// Bytes of the sums.
     pub fn memory_bytes(&self) -> usize {
-        self.tiles.iter().map(|t| size_of_val(&*t.sums)).sum()
+        let bytes = |t: &Tile| size_of_val(&*t.pixels.sums) + size_of_val(&*t.cells);
+        self.tiles.iter().map(bytes).sum()
     }
 }
 
@@ -272,7 +426,6 @@ mod tests {
                     }
                 }
             }
-            tile.samples = 2;
         }
         let image = film.develop();
         assert_eq!((image.width, image.height), (35, 23));
@@ -295,7 +448,6 @@ mod tests {
         for _ in 0..1_000_000 {
             tile.add(0, 0, Rgb::splat(0.1));
         }
-        tile.samples = 1_000_000;
         assert_eq!(film.develop().at(0, 0).r, 0.1);
     }
 }

@@ -2,10 +2,12 @@
 #![deny(unsafe_code)]
 
 pub mod accel;
+pub mod adaptive;
 pub mod bsdf;
 pub mod camera;
 pub mod cli;
 pub mod columns;
+pub mod error;
 pub mod film;
 pub mod image;
 pub mod integrator;

@@ -1,9 +1,11 @@
 //! Rendering a film: tiles × samples on the threads of the current rayon pool.
 
 use crate::accel::Accel;
+use crate::adaptive::{NoiseTarget, Planner};
 use crate::film::{Film, Rect, Tile};
 use crate::integrator::{Batch, Kernel, RayCounts, SampleId, Settings};
 use crate::light::Environment;
+use crate::math::Rgb;
 use crate::scene::Scene;
 use serde::Serialize;
 use std::iter;
@@ -14,15 +16,30 @@ use std::sync::{Mutex, PoisonError};
 /// uneven the image is that it leaves.
 const MAX_PASS: u32 = 16;
 
+/// Edge length in pixels of the cells that samples go to by their error: that of the blocks by which camera rays are traced.
+const CELL_SIZE: u32 = 4;
+
 /// What to render.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Job {
     /// Part of the image.
     pub crop: Rect,
-    /// Samples of every pixel.
+    /// Samples of every pixel; with [`ErrorControl::Bounded`] the most that any pixel gets.
     pub spp: u32,
+    /// What is done about the error.
+    pub error: ErrorControl,
     /// The estimator.
     pub settings: Settings,
+}
+
+/// What is done about the error of the image.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum ErrorControl {
+    /// Nothing.
+    #[default]
+    Ignored,
+    /// Samples go where the error is until the image is as good as this.
+    Bounded(NoiseTarget),
 }
 
 /// Samples left out of the film because they were NaN or infinite: each counts as black.
@@ -58,73 +75,72 @@ impl RenderReport {
     }
 }
 
-/// Renders `job` into a film. Samples are taken in passes over the whole image, each pixel's in ascending order, so that
-/// the film is the same for any number of threads.
-///
-/// `stop` is asked before every tile; once it says yes, what is done is returned. `progress` is told the number of paths
-/// traced so far, from any thread.
-pub fn render<A: Accel>(
-    scene: &Scene,
-    accel: &A,
-    kernel: Kernel,
-    job: &Job,
-    stop: &(dyn Fn() -> bool + Sync),
-    progress: &(dyn Fn(u64) + Sync),
-) -> (Film, RenderReport) {
-    render_passes(scene, accel, kernel, job, stop, progress, &mut |_| ())
+/// How to follow a render and to end it.
+pub struct Watch<'a> {
+    /// Asked between batches of paths, from any thread; once it says yes, what is done is returned.
+    pub stop: &'a (dyn Fn() -> bool + Sync),
+    /// Told, from any thread, how many paths have been traced and how many there will be, as far as is known.
+    pub progress: &'a (dyn Fn(u64, u64) + Sync),
+    /// Shown the film after each pass over the image but the last.
+    pub after_pass: &'a mut dyn FnMut(&Film),
 }
 
-/// The same, and shows the film to `after_pass` whenever all pixels have equally many samples: after the first, the second,
-/// the fourth and so on, but the last.
+/// Renders `job` to its end into a film. See [`render_watched`].
+pub fn render<A: Accel>(scene: &Scene, accel: &A, kernel: Kernel, job: &Job) -> (Film, RenderReport) {
+    let watch = Watch {
+        stop: &|| false,
+        progress: &|_, _| (),
+        after_pass: &mut |_| (),
+    };
+    render_watched(scene, accel, kernel, job, watch)
+}
+
+/// Renders `job` into a film. Samples are taken in passes over the whole image, each pixel's in ascending order, so that
+/// the film is the same for any number of threads.
 ///
 /// # Panics
 /// If the scene was built for multiple importance sampling ([`crate::scene::SceneOptions::mis`]) and the settings are without:
 /// light would be missing.
-pub fn render_passes<A: Accel>(
+pub fn render_watched<A: Accel>(
     scene: &Scene,
     accel: &A,
     kernel: Kernel,
     job: &Job,
-    stop: &(dyn Fn() -> bool + Sync),
-    progress: &(dyn Fn(u64) + Sync),
-    after_pass: &mut dyn FnMut(&Film),
+    watch: Watch<'_>,
 ) -> (Film, RenderReport) {
     let needs_mis = scene.lights.environment().is_some_and(Environment::is_compensated);
     assert!(
         job.settings.mis || !needs_mis,
         "the scene was built for multiple importance sampling"
     );
-    let mut film = Film::new(job.crop);
+    let (mut film, mut planner) = match job.error {
+        ErrorControl::Ignored => (Film::new(job.crop), None),
+        ErrorControl::Bounded(target) => {
+            let film = Film::with_cells(job.crop, CELL_SIZE);
+            let planner = Planner::new(target, job.spp);
+            (film, Some(planner))
+        }
+    };
     let mut report = RenderReport::default();
     let done = AtomicU64::new(0);
-    let mut start = 0;
-    while start < job.spp && !stop() {
-        // 1, 1, 2, 4, ...: a first look at once, then longer passes.
-        let pass = start.clamp(1, MAX_PASS).min(job.spp - start);
-        let render_tile = |batch: &mut Batch, tile: &mut Tile| {
-            let mut report = RenderReport::default();
-            if stop() {
-                return report;
-            }
-            let mut samples = tile.rect.blocks().flat_map(|block| {
-                (start..start + pass)
-                    .flat_map(move |sample| block.coordinates().map(move |(x, y)| SampleId { sample, y, x }))
-            });
-            while batch.fill(&mut samples) {
-                kernel.trace(scene, accel, &job.settings, batch, &mut report.rays);
-                for (id, radiance) in batch.results() {
-                    if radiance.is_finite() {
-                        tile.add(id.x, id.y, radiance);
-                    } else {
-                        report.dropped.count += 1;
-                        report.dropped.first = Some(report.dropped.first.map_or(id, |first| first.min(id)));
-                    }
-                }
-            }
-            tile.samples += pass;
-            report.paths = tile.rect.pixels() * u64::from(pass);
-            progress(done.fetch_add(report.paths, Ordering::Relaxed) + report.paths);
-            report
+    loop {
+        let expected = match &mut planner {
+            None => plan_evenly(&mut film, job.spp),
+            Some(planner) => planner.plan(&mut film),
+        };
+        let Some(expected) = expected else { break };
+        if (watch.stop)() {
+            break;
+        }
+        if report.paths > 0 {
+            (watch.after_pass)(&film);
+        }
+        let tracer = Tracer {
+            scene,
+            accel,
+            kernel,
+            settings: &job.settings,
+            stop: watch.stop,
         };
         // Tile by tile, as threads become free: halves of the image would differ too much in cost.
         let tiles = Mutex::new(film.tiles_mut().iter_mut());
@@ -132,14 +148,83 @@ pub fn render_passes<A: Accel>(
         let reports = rayon::broadcast(|_| {
             let mut batch = Batch::default();
             iter::from_fn(next)
-                .map(|tile| render_tile(&mut batch, tile))
+                .map(|tile| {
+                    let report = tracer.render(&mut batch, tile);
+                    let done = done.fetch_add(report.paths, Ordering::Relaxed) + report.paths;
+                    (watch.progress)(done, expected);
+                    report
+                })
                 .fold(RenderReport::default(), RenderReport::plus)
         });
         report = reports.into_iter().fold(report, RenderReport::plus);
-        start += pass;
-        if start < job.spp && !stop() {
-            after_pass(&film);
-        }
     }
     (film, report)
+}
+
+/// Sets the goals of the next pass over a film whose pixels are to have `spp` samples each, and tells how many paths that
+/// makes; `None` if they have.
+pub(crate) fn plan_evenly(film: &mut Film, spp: u32) -> Option<u64> {
+    let samples = film.cells().next()?.samples;
+    // 1, 1, 2, 4, ...: a first look at once, then longer passes.
+    let goal = samples + samples.clamp(1, MAX_PASS).min(spp - samples);
+    film.cells_mut().for_each(|cell| cell.goal = goal);
+    (samples < spp).then(|| film.crop().pixels().saturating_mul(spp.into()))
+}
+
+/// What it takes to render tiles.
+struct Tracer<'a, A> {
+    scene: &'a Scene,
+    accel: &'a A,
+    kernel: Kernel,
+    settings: &'a Settings,
+    stop: &'a (dyn Fn() -> bool + Sync),
+}
+
+impl<A: Accel> Tracer<'_, A> {
+    /// Brings the cells of a tile to their goals, or until it is stopped.
+    fn render(&self, batch: &mut Batch, tile: &mut Tile) -> RenderReport {
+        let mut report = RenderReport::default();
+        let Tile { cells, pixels, .. } = tile;
+        let samples = cells.iter().flat_map(|cell| {
+            let indices = cell.samples..cell.goal;
+            cell.rect.blocks().flat_map(move |block| {
+                let of_block = move |sample| block.coordinates().map(move |(x, y)| SampleId { sample, y, x });
+                indices.clone().flat_map(of_block)
+            })
+        });
+        let add = |id: SampleId, radiance: Rgb| {
+            report.paths += 1;
+            let radiance = if radiance.is_finite() {
+                radiance
+            } else {
+                report.dropped.count += 1;
+                report.dropped.first = Some(report.dropped.first.map_or(id, |first| first.min(id)));
+                Rgb::BLACK
+            };
+            pixels.at_mut(id.x, id.y).add(radiance);
+        };
+        let is_complete = self.trace(batch, samples, &mut report.rays, add);
+        if is_complete {
+            cells.iter_mut().for_each(|cell| cell.samples = cell.goal);
+        }
+        report
+    }
+
+    /// Computes samples and hands each to `add`, in their order; whether it was all of them.
+    fn trace(
+        &self,
+        batch: &mut Batch,
+        mut samples: impl Iterator<Item = SampleId>,
+        rays: &mut RayCounts,
+        mut add: impl FnMut(SampleId, Rgb),
+    ) -> bool {
+        while batch.fill(&mut samples) {
+            if (self.stop)() {
+                return false;
+            }
+            self.kernel.trace(self.scene, self.accel, self.settings, batch, rays);
+            batch.results().for_each(|(id, radiance)| add(id, radiance));
+        }
+        true
+    }
 }

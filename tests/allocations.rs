@@ -5,7 +5,7 @@ mod support;
 use embrace::accel::{Accel, BuildOptions};
 use embrace::film::Rect;
 use embrace::integrator::{KernelChoice, Settings, kernel_for};
-use embrace::render::{Job, render};
+use embrace::render::{ErrorControl, Job, render};
 use embrace::scene::{LoadOptions, Scene, SceneOptions, load};
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 use std::alloc::System;
@@ -34,10 +34,15 @@ fn allocations<A: Accel>(scene: &Scene, accel: &A, spp: u32) -> usize {
     let [x1, y1] = scene.camera.resolution();
     let crop = Rect { x0: 0, y0: 0, x1, y1 };
     let settings = Settings::default();
-    let job = Job { crop, spp, settings };
+    let job = Job {
+        crop,
+        spp,
+        error: ErrorControl::Ignored,
+        settings,
+    };
     let kernel = kernel_for(scene, KernelChoice::Auto);
     let region = Region::new(ALLOCATOR);
-    let (_, report) = render(scene, accel, kernel, &job, &|| false, &|_| ());
+    let (_, report) = render(scene, accel, kernel, &job);
     let change = region.change();
     assert_eq!(report.paths, crop.pixels() * u64::from(spp));
     change.allocations + change.reallocations

@@ -659,10 +659,12 @@ fn standard_error_has_plain_progress_lines_and_nothing_when_quiet() {
     assert_eq!((ran.stdout, ran.stderr), (String::new(), String::new()));
 }
 
-/// Every line is `Progress: 42.0%`, ascending to 100.
+/// Every line is `Progress: 42.0%`, ascending to 100, but the last, which is the error.
 fn assert_progress(stderr: &str) {
     let mut last = 0.0;
-    for line in stderr.lines() {
+    let (lines, error) = stderr.trim_end().rsplit_once('\n').unwrap();
+    assert!(error.starts_with("Estimated error: "), "{stderr}");
+    for line in lines.lines() {
         let number = line.strip_prefix("Progress: ").and_then(|rest| rest.strip_suffix('%'));
         let number = number.unwrap_or_else(|| panic!("{stderr}"));
         assert_eq!(
@@ -675,6 +677,121 @@ fn assert_progress(stderr: &str) {
         last = percent;
     }
     assert_eq!(last, 100.0, "{stderr}");
+}
+
+#[test]
+fn a_render_ends_in_time() {
+    let folder = Folder::with_scene();
+    folder.done("render scene.toml -o out.exr --resolution 160x120 --time 0.7s --stats s.json -q");
+    let stats = folder.json("s.json");
+    assert_eq!(stats["stopped_by"], "time");
+    let seconds = stats["render_seconds"].as_f64().unwrap();
+    assert!((0.7..0.9).contains(&seconds), "{seconds}");
+    assert!(stats["spp"].as_u64() > Some(0));
+
+    let start = Instant::now();
+    folder.done("render scene.toml -o out.exr --resolution 160x120 --time 700ms --time-total -q");
+    let seconds = start.elapsed().as_secs_f64();
+    assert!((0.5..0.9).contains(&seconds), "{seconds}");
+
+    // Samples end it first.
+    folder.done("render scene.toml -o out.exr --spp 4 --time 1h --stats s.json -q");
+    let stats = folder.json("s.json");
+    assert_eq!((&stats["stopped_by"], &stats["spp"]), (&"spp".into(), &4.into()));
+}
+
+#[test]
+fn a_time_too_short_for_a_sample_writes_nothing_and_says_so() {
+    let folder = Folder::with_scene();
+    let before = folder.names();
+    let ran = folder.run("render scene.toml -o out.exr --time 0.001ms");
+    assert_eq!(ran.code, Some(5), "{}", ran.stderr);
+    assert!(ran.stderr.contains("no time for a single sample"), "{}", ran.stderr);
+    assert_eq!(folder.names(), before);
+}
+
+#[test]
+fn a_render_ends_at_the_error_that_is_asked_for() {
+    let folder = Folder::with_scene();
+    let ran = folder.done("render scene.toml -o out.exr --resolution 64x48 --noise 0.02 --stats s.json");
+    let stats = folder.json("s.json");
+    assert_eq!(stats["stopped_by"], "noise");
+    let error = &stats["error"]["relative_rmse"];
+    let [value, low, high] = ["value", "low", "high"].map(|key| error[key].as_f64().unwrap());
+    assert!(value <= 0.02 && value > 0.015, "{value}");
+    assert!(low < value && value < high && stats["error"]["confidence"] == 0.95);
+    let [fewest, mean, most] = ["spp", "spp_mean", "spp_most"].map(|key| stats[key].as_f64().unwrap());
+    assert!((16.0..mean).contains(&fewest) && mean < most, "{fewest} {mean} {most}");
+    assert!(
+        ran.stderr.contains("Estimated error: ") && ran.stderr.contains(" on average"),
+        "{}",
+        ran.stderr
+    );
+}
+
+#[test]
+fn an_error_out_of_reach_is_an_exit_code_of_its_own_and_keeps_the_image() {
+    let folder = Folder::with_scene();
+    let ran = folder.run("render scene.toml -o out.exr --noise 1e-6 --spp 40 --stats s.json");
+    assert_eq!(ran.code, Some(5), "{}", ran.stderr);
+    assert!(
+        ran.stderr.contains("the target of 0.0001 % is not reached"),
+        "{}",
+        ran.stderr
+    );
+    assert_eq!(folder.exr("out.exr").width, 16);
+    let stats = folder.json("s.json");
+    assert_eq!(
+        (&stats["stopped_by"], &stats["spp"], &stats["spp_most"]),
+        (&"spp".into(), &40.into(), &40.into())
+    );
+    let ran = folder.run("render scene.toml -o late.exr --noise 1e-6 --time 300ms");
+    assert_eq!(ran.code, Some(5), "{}", ran.stderr);
+    assert_eq!(folder.exr("late.exr").width, 16);
+}
+
+#[test]
+fn an_adaptive_render_gives_the_same_bytes_for_any_number_of_threads() {
+    let folder = Folder::with_scene();
+    for threads in [1, 2, 3] {
+        folder.done(&format!(
+            "render scene.toml -o {threads}.exr --resolution 64x48 --noise 0.03 --threads {threads} --reproducible -q"
+        ));
+    }
+    assert!(folder.read("1.exr") == folder.read("2.exr") && folder.read("1.exr") == folder.read("3.exr"));
+}
+
+#[test]
+fn efforts_that_make_no_sense_are_refused() {
+    let folder = Folder::with_scene();
+    for (arguments, expected) in [
+        ("--time 0", "above zero"),
+        ("--time 10parsecs", "30s"),
+        ("--time-total", "--time"),
+        ("--noise 0", "above 0"),
+        ("--noise -1", "--noise"),
+        ("--noise nan", "above 0"),
+        ("--min-spp 4", "--noise"),
+        ("--noise 0.1 --min-spp 1", "min-spp"),
+        (
+            "--noise 0.1 --min-spp 64 --spp 32",
+            "--min-spp 64 is more than --spp 32",
+        ),
+        ("--noise 0.1 --sampler sobol-whole", "sobol-whole"),
+    ] {
+        let ran = folder.run(&format!("render scene.toml -o out.exr {arguments}"));
+        assert_eq!(ran.code, Some(2), "{arguments}: {}", ran.stderr);
+        assert!(ran.stderr.contains(expected), "{arguments}: {}", ran.stderr);
+    }
+}
+
+#[test]
+fn a_sampler_that_does_not_tell_its_error_and_a_single_sample_report_none() {
+    let folder = Folder::with_scene();
+    for arguments in ["--sampler sobol-whole --spp 4", "--spp 1"] {
+        folder.done(&format!("render scene.toml -o out.exr --stats s.json -q {arguments}"));
+        assert!(folder.json("s.json")["error"].is_null(), "{arguments}");
+    }
 }
 
 #[test]

@@ -8,7 +8,7 @@ use embrace::image::Image;
 use embrace::integrator::{BounceSampling, KernelChoice, Roulette, Settings, kernel_for};
 use embrace::light::EnvSampling;
 use embrace::math::Rgb;
-use embrace::render::{Job, render};
+use embrace::render::{ErrorControl, Job, render};
 use embrace::scene::{Instancing, LoadOptions, Scene, SceneFeatures, SceneOptions, load};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -55,8 +55,13 @@ fn built(path: &Path, options: SceneOptions) -> Scene {
 fn image<A: Accel>(scene: &Scene, accel: &A, choice: KernelChoice, settings: Settings) -> Image<Rgb> {
     let [x1, y1] = scene.camera.resolution();
     let crop = Rect { x0: 0, y0: 0, x1, y1 };
-    let job = Job { crop, spp: 8, settings };
-    let (film, report) = render(scene, accel, kernel_for(scene, choice), &job, &|| false, &|_| ());
+    let job = Job {
+        crop,
+        spp: 8,
+        error: ErrorControl::Ignored,
+        settings,
+    };
+    let (film, report) = render(scene, accel, kernel_for(scene, choice), &job);
     assert_eq!(report.dropped.count, 0);
     film.develop()
 }

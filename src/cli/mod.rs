@@ -13,12 +13,15 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
+mod budget;
 mod info;
 mod interrupt;
+mod outcome;
 mod output;
 mod progress;
 mod progress_image;
 mod render;
+mod stats;
 mod tools;
 
 /// Name and version, as written into images.
@@ -29,7 +32,7 @@ const SOFTWARE: &str = concat!("embrace ", env!("CARGO_PKG_VERSION"));
 #[command(
     name = "embrace",
     version,
-    after_help = "Exit codes: 0 done, 1 internal, 2 usage, 3 scene or input, 4 output, 130 and 143 interrupted (the image so far is written)."
+    after_help = "Exit codes: 0 done, 1 internal, 2 usage, 3 scene or input, 4 output, 5 target of --noise or --time not reached (the image is written), 130 and 143 interrupted (the image so far is written)."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -73,9 +76,21 @@ struct RenderArgs {
     /// Image to write, .exr or .png; may be repeated
     #[arg(short, long = "output", value_name = "OUT", required = true)]
     output: Vec<PathBuf>,
-    /// Samples per pixel
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
-    spp: u32,
+    /// Samples per pixel [default: 64]; the most of any pixel beside --noise [default: 16384] or --time [default: no limit]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    spp: Option<u32>,
+    /// Render for this long: 30s, 1.5m, 250ms, 2h
+    #[arg(long, value_name = "TIME", value_parser = budget::parse_time)]
+    time: Option<Duration>,
+    /// Count everything into --time, from the start of the program to the written image
+    #[arg(long, requires = "time")]
+    time_total: bool,
+    /// Render to this relative root-mean-square error, with more samples where they are needed; 0.01 is one per cent
+    #[arg(long, value_name = "ERROR", value_parser = budget::parse_noise)]
+    noise: Option<f64>,
+    /// With --noise, samples of every pixel before any gets more [default: 16]
+    #[arg(long, value_name = "N", requires = "noise", value_parser = clap::value_parser!(u32).range(2..))]
+    min_spp: Option<u32>,
     /// Seed of the random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
@@ -213,7 +228,11 @@ enum Switch {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum SamplerArg {
+    /// Stratified in two independent halves, which tell the error
     Sobol,
+    /// Stratified as a whole: less noise, but the error is not known
+    SobolWhole,
+    /// Not stratified
     Independent,
 }
 
@@ -272,6 +291,7 @@ impl EstimatorArgs {
         if let Some(sampler) = self.sampler {
             settings.sampler = match sampler {
                 SamplerArg::Sobol => SamplerKind::Sobol,
+                SamplerArg::SobolWhole => SamplerKind::SobolWhole,
                 SamplerArg::Independent => SamplerKind::Independent,
             };
         }
@@ -445,7 +465,7 @@ fn tell(line: fmt::Arguments<'_>) {
     let _ = writeln!(io::stderr(), "{line}");
 }
 
-/// Runs the command line and returns the exit code: 0 done, 1 internal, 2 usage, 3 scene or input, 4 output, 130 or 143
+/// Runs the command line and returns the exit code: 0 done, 1 internal, 2 usage, 3 scene or input, 4 output, 5 a target that was not reached, 130 or 143
 /// interrupted with the image so far written.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let cli = match Cli::try_parse_from(args) {

@@ -9,23 +9,23 @@ use std::time::{Duration, Instant};
 /// Shortest time between two plain lines.
 const LINE_INTERVAL: Duration = Duration::from_secs(1);
 
-/// Shows how much of a known amount of work is done.
+/// Shows how much of the work is done.
 pub(super) enum Progress {
     /// Nothing is shown.
     Quiet,
     /// A bar with rate and time left.
     Bar(ProgressBar),
     /// `Progress: 42.0%`
-    Lines { total: u64, last: Mutex<Instant> },
+    Lines { last: Mutex<(Instant, f64)> },
 }
 
 impl Progress {
-    /// For `total` camera paths.
-    pub(super) fn new(total: u64, quiet: bool) -> Progress {
+    /// For camera paths.
+    pub(super) fn new(quiet: bool) -> Progress {
         if quiet {
             Progress::Quiet
         } else if std::io::stderr().is_terminal() {
-            let bar = ProgressBar::new(total);
+            let bar = ProgressBar::new(1);
             let template = "{bar:32} {percent:>3}%  {per_sec}  {elapsed} gone, {eta} left";
             if let Ok(style) = ProgressStyle::with_template(template) {
                 bar.set_style(style.with_key(
@@ -38,27 +38,30 @@ impl Progress {
             Progress::Bar(bar)
         } else {
             Progress::Lines {
-                total,
-                last: Mutex::new(Instant::now()),
+                last: Mutex::new((Instant::now(), 0.0)),
             }
         }
     }
 
-    /// `done` of the work is done. Called from all threads.
-    pub(super) fn update(&self, done: u64) {
+    /// `done` of the work is done, of what is now thought to be `total`. Called from all threads.
+    pub(super) fn update(&self, done: u64, total: u64) {
         match self {
             Progress::Quiet => {}
             Progress::Bar(bar) => {
                 if done > bar.position() {
+                    bar.set_length(total);
                     bar.set_position(done);
                 }
             }
-            Progress::Lines { total, last } => {
+            Progress::Lines { last } => {
                 // A thread that finds the lock taken leaves the line to the other.
                 let Ok(mut last) = last.try_lock() else { return };
-                if last.elapsed() >= LINE_INTERVAL {
-                    *last = Instant::now();
-                    tell(format_args!("Progress: {:.1}%", 100.0 * done as f64 / *total as f64));
+                let (time, percent) = &mut *last;
+                if time.elapsed() >= LINE_INTERVAL {
+                    *time = Instant::now();
+                    // What is thought to be the total may grow.
+                    *percent = percent.max(100.0 * done as f64 / total as f64);
+                    tell(format_args!("Progress: {percent:.1}%"));
                 }
             }
         }

@@ -1,62 +1,25 @@
 //! `embrace render`
 
+use super::budget::{Budget, Clock};
 use super::interrupt::Interrupt;
+use super::outcome::{Ending, Outcome};
 use super::output::{self, Target};
 use super::progress::Progress;
 use super::progress_image::{self, ProgressImage, Snapshot};
+use super::stats::{ErrorStats, Stats, peak_memory_bytes, process_seconds};
 use super::{Failure, RenderArgs, tell, with_backend};
 use crate::accel::{Accel, BuildOptions, BuildQuality, Intersector};
-use crate::film::Rect;
+use crate::error;
+use crate::film::{Film, Rect};
 use crate::image::exr::ExrMetadata;
 use crate::integrator::{Roulette, Settings, kernel_for};
-use crate::render::{DroppedSamples, Job, render, render_passes};
+use crate::render::{DroppedSamples, Job, RenderReport, Watch, render_watched};
 use crate::scene::{self, LoadOptions, Scene, SceneOptions};
-use rustix::time::{ClockId, clock_gettime};
-use serde::Serialize;
 use std::thread;
 use std::time::Instant;
 
-/// What `--stats` writes.
-#[derive(Serialize)]
-struct Stats<'a> {
-    version: &'a str,
-    scene: String,
-    scene_hash: &'a str,
-    backend: &'a str,
-    backend_version: String,
-    kernel: String,
-    intersector: &'static str,
-    build_quality: &'static str,
-    threads: usize,
-    width: u32,
-    height: u32,
-    spp: u32,
-    seed: u64,
-    interrupted: bool,
-    load_seconds: f64,
-    build_seconds: f64,
-    render_seconds: f64,
-    render_cpu_seconds: f64,
-    write_seconds: f64,
-    triangles: u64,
-    instances: usize,
-    lights: usize,
-    paths: u64,
-    paths_per_second: f64,
-    rays: Rays,
-    dropped_samples: DroppedSamples,
-    peak_memory_bytes: u64,
-    warnings: &'a [String],
-}
-
-#[derive(Serialize)]
-struct Rays {
-    camera: u64,
-    bounce: u64,
-    shadow: u64,
-}
-
 pub(super) fn run(args: &RenderArgs) -> Result<u8, Failure> {
+    let budget = Budget::new(args, Instant::now())?;
     let targets = args
         .output
         .iter()
@@ -73,10 +36,15 @@ pub(super) fn run(args: &RenderArgs) -> Result<u8, Failure> {
     let pool = pool
         .build()
         .map_err(|e| Failure::internal(format!("threads cannot be started: {e}")))?;
-    pool.install(|| with_backend!(args.backend, run_on(args, &targets, &interrupt)))
+    pool.install(|| with_backend!(args.backend, run_on(args, &budget, &targets, &interrupt)))
 }
 
-fn run_on<A: Accel>(args: &RenderArgs, targets: &[Target], interrupt: &Interrupt) -> Result<u8, Failure> {
+fn run_on<A: Accel>(
+    args: &RenderArgs,
+    budget: &Budget,
+    targets: &[Target],
+    interrupt: &Interrupt,
+) -> Result<u8, Failure> {
     let intersector = args.estimator.intersector();
     if !A::INTERSECTORS.contains(&intersector) {
         return Err(Failure::usage(format!(
@@ -111,10 +79,9 @@ fn run_on<A: Accel>(args: &RenderArgs, targets: &[Target], interrupt: &Interrupt
     let scene = Scene::build(desc, options).map_err(|e| Failure::input(format!("{}: {e}", args.scene.display())))?;
     let [width, height] = scene.camera.resolution();
     let crop = crop(args, [width, height])?;
-    let paths = crop.pixels() * u64::from(args.spp);
     // By the whole image, so that a crop is traced in the same tree: trees differ in which of two triangles at the same
     // distance is hit.
-    let whole = u64::from(width) * u64::from(height) * u64::from(args.spp);
+    let whole = budget.paths(u64::from(width) * u64::from(height));
     let quality = args.estimator.build_quality(whole, scene.triangles());
     let accel = A::build(&scene.geometry, BuildOptions { intersector, quality }).map_err(Failure::internal)?;
     let build_seconds = start.elapsed().as_secs_f64();
@@ -122,10 +89,10 @@ fn run_on<A: Accel>(args: &RenderArgs, targets: &[Target], interrupt: &Interrupt
     let kernel = kernel_for(&scene, args.estimator.kernel());
     let job = Job {
         crop,
-        spp: args.spp,
+        spp: budget.spp,
+        error: budget.error,
         settings,
     };
-    let progress = Progress::new(paths, args.quiet);
 
     let write = |(image, spp): &Snapshot, seconds: f64| {
         let metadata = ExrMetadata {
@@ -144,29 +111,30 @@ fn run_on<A: Accel>(args: &RenderArgs, targets: &[Target], interrupt: &Interrupt
     };
 
     interrupt.keep_image();
-    let (start, start_cpu) = (Instant::now(), process_seconds());
-    let stop = || interrupt.raised().is_some();
-    let update = |done| progress.update(done);
-    let (film, report) = match args.progress_image {
-        None => render(&scene, &accel, kernel, &job, &stop, &update),
-        Some(interval) => {
-            let (mut image, snapshots) = ProgressImage::new(interval);
-            thread::scope(|scope| {
-                let write = |snapshot: &Snapshot| write(snapshot, start.elapsed().as_secs_f64());
-                scope.spawn(move || progress_image::write_all(snapshots, args.quiet, write));
-                let result = render_passes(&scene, &accel, kernel, &job, &stop, &update, &mut |film| {
-                    image.offer(film)
-                });
-                // Ends the writer, which the scope waits for.
-                drop(image);
-                result
-            })
-        }
+    let clock = budget.start(crop.pixels(), targets.len());
+    let start_cpu = process_seconds();
+    let (film, report) = watched(args, interrupt, &clock, &write, |watch| {
+        render_watched(&scene, &accel, kernel, &job, watch)
+    });
+    let (render_seconds, render_cpu_seconds) = (clock.elapsed().as_secs_f64(), process_seconds() - start_cpu);
+
+    let outcome = Outcome {
+        samples: film.sample_range(),
+        mean_samples: report.paths as f64 / crop.pixels() as f64,
+        error: settings
+            .sampler
+            .has_independent_halves()
+            .then(|| error::estimate(&film))
+            .flatten(),
+        signal: interrupt.raised(),
     };
-    let (render_seconds, render_cpu_seconds) = (start.elapsed().as_secs_f64(), process_seconds() - start_cpu);
-    let (fewest, most) = film.sample_range();
-    let interrupted = fewest < args.spp;
-    progress.finish(!interrupted);
+    let ((fewest, most), ending) = (outcome.samples, outcome.ending(budget));
+    if most == 0 {
+        return Err(Failure {
+            code: outcome.exit_code(budget),
+            message: "there was no time for a single sample; nothing is written".into(),
+        });
+    }
 
     let start = Instant::now();
     let snapshot = (film.develop(), fewest);
@@ -198,8 +166,12 @@ fn run_on<A: Accel>(args: &RenderArgs, targets: &[Target], interrupt: &Interrupt
             width: image.width,
             height: image.height,
             spp: fewest,
+            spp_most: most,
+            spp_mean: outcome.mean_samples,
             seed: args.seed,
-            interrupted,
+            interrupted: ending == Ending::Signal,
+            stopped_by: ending,
+            error: outcome.error.map(ErrorStats::from),
             load_seconds,
             build_seconds,
             render_seconds,
@@ -210,27 +182,56 @@ fn run_on<A: Accel>(args: &RenderArgs, targets: &[Target], interrupt: &Interrupt
             lights: scene.lights.len(),
             paths: report.paths,
             paths_per_second: report.paths as f64 / render_seconds.max(1e-9),
-            rays: Rays {
-                camera: report.rays.camera,
-                bounce: report.rays.bounce,
-                shadow: report.rays.shadow,
-            },
+            rays: report.rays.into(),
             dropped_samples: report.dropped,
             peak_memory_bytes: peak_memory_bytes(),
             warnings: &warnings,
         };
         output::write_atomically(path, |writer| serde_json::to_writer_pretty(writer, &stats))?;
     }
-    if !interrupted {
-        return Ok(0);
-    }
     if !args.quiet {
-        tell(format_args!(
-            "interrupted: the image has {fewest} to {most} of {} samples per pixel",
-            args.spp
-        ));
+        for line in outcome.describe(budget).lines() {
+            tell(format_args!("{line}"));
+        }
     }
-    Ok(interrupt.raised().unwrap_or(1))
+    Ok(outcome.exit_code(budget))
+}
+
+/// Renders with signs of life, and with the image so far on disk, if that is wanted.
+fn watched(
+    args: &RenderArgs,
+    interrupt: &Interrupt,
+    clock: &Clock,
+    write: impl Fn(&Snapshot, f64) -> Result<(), Failure> + Sync,
+    render: impl FnOnce(Watch<'_>) -> (Film, RenderReport),
+) -> (Film, RenderReport) {
+    let progress = Progress::new(args.quiet);
+    let stop = || interrupt.raised().is_some() || clock.is_up();
+    let update = |done, expected| progress.update(done, clock.expect(done, expected));
+    let result = match args.progress_image {
+        None => render(Watch {
+            stop: &stop,
+            progress: &update,
+            after_pass: &mut |_| (),
+        }),
+        Some(interval) => {
+            let (mut image, snapshots) = ProgressImage::new(interval);
+            thread::scope(|scope| {
+                let write = |snapshot: &Snapshot| write(snapshot, clock.elapsed().as_secs_f64());
+                scope.spawn(move || progress_image::write_all(snapshots, args.quiet, write));
+                let result = render(Watch {
+                    stop: &stop,
+                    progress: &update,
+                    after_pass: &mut |film| image.offer(film),
+                });
+                // Ends the writer, which the scope waits for.
+                drop(image);
+                result
+            })
+        }
+    };
+    progress.finish(interrupt.raised().is_none());
+    result
 }
 
 /// Settings under which a path may never end.
@@ -268,20 +269,4 @@ fn describe_dropped(dropped: &DroppedSamples) -> String {
         )
     });
     format!("{} samples were not finite and count as black{first}", dropped.count)
-}
-
-/// Processor time of all threads so far.
-fn process_seconds() -> f64 {
-    let time = clock_gettime(ClockId::ProcessCPUTime);
-    time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
-}
-
-/// The most memory that the process has held; 0 where the system does not tell.
-fn peak_memory_bytes() -> u64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let kibibytes = status
-        .lines()
-        .find_map(|line| line.strip_prefix("VmHWM:"))
-        .and_then(|rest| rest.trim().trim_end_matches("kB").trim().parse::<u64>().ok());
-    kibibytes.unwrap_or(0) * 1024
 }

@@ -10,11 +10,21 @@
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u32)]
 pub enum SamplerKind {
-    /// Owen-scrambled Sobol points, padded by pairs of dimensions.
+    /// Owen-scrambled Sobol points, padded by pairs of dimensions: one sequence of the samples with even index, one of the
+    /// others. The two are independent of each other, so that their difference tells the error ([`crate::error`]).
     #[default]
     Sobol,
+    /// The same in one sequence of all samples, which are stratified better, but do not tell their error.
+    SobolWhole,
     /// Independent uniform numbers.
     Independent,
+}
+
+impl SamplerKind {
+    /// Whether the samples with even index are independent of the others.
+    pub fn has_independent_halves(self) -> bool {
+        self != SamplerKind::SobolWhole
+    }
 }
 
 /// What a random number is used for. Each name owns one pair of dimensions per bounce, whether used or not, so that a
@@ -63,14 +73,16 @@ impl Sampler {
     #[inline(always)]
     pub fn new(kind: SamplerKind, seed: u64, x: u32, y: u32, index: u32) -> Sampler {
         let [a, b, c] = hash([seed as u32, (seed >> 32) as u32, 0x5851_F42D]);
-        let [key_0, key_1, _] = hash([a ^ x, b ^ y, c]);
+        let (half, index) = match kind {
+            SamplerKind::Sobol => (index & 1, (index >> 1).reverse_bits()),
+            SamplerKind::SobolWhole => (0, index.reverse_bits()),
+            SamplerKind::Independent => (0, index),
+        };
+        let [key_0, key_1, _] = hash([a ^ x, b ^ y, c ^ half]);
         Sampler {
             kind,
             key: [key_0, key_1],
-            index: match kind {
-                SamplerKind::Sobol => index.reverse_bits(),
-                SamplerKind::Independent => index,
-            },
+            index,
             bounce: 0,
         }
     }
@@ -86,7 +98,9 @@ impl Sampler {
     pub fn get_2d(&self, dimension: Dimension) -> [f32; 2] {
         let (index, first, second) = self.keys(dimension as u32);
         match self.kind {
-            SamplerKind::Sobol => [owen(index, first), owen(pascal(index), second)].map(|x| unit_f32(x.reverse_bits())),
+            SamplerKind::Sobol | SamplerKind::SobolWhole => {
+                [owen(index, first), owen(pascal(index), second)].map(|x| unit_f32(x.reverse_bits()))
+            }
             SamplerKind::Independent => [first, second].map(unit_f32),
         }
     }
@@ -121,7 +135,9 @@ impl Sampler {
     fn bits(&self, offset: u32) -> [u32; 2] {
         let (index, first, second) = self.keys(offset);
         match self.kind {
-            SamplerKind::Sobol => [owen(index, first).reverse_bits(), owen(index ^ second, second)],
+            SamplerKind::Sobol | SamplerKind::SobolWhole => {
+                [owen(index, first).reverse_bits(), owen(index ^ second, second)]
+            }
             SamplerKind::Independent => [first, second],
         }
     }
@@ -132,7 +148,7 @@ impl Sampler {
     fn keys(&self, offset: u32) -> (u32, u32, u32) {
         let dimension = self.bounce.wrapping_mul(BOUNCE_STRIDE).wrapping_add(offset);
         match self.kind {
-            SamplerKind::Sobol => {
+            SamplerKind::Sobol | SamplerKind::SobolWhole => {
                 let [shuffle, first, second] = hash([self.key[0], self.key[1], dimension]);
                 (owen(self.index, shuffle).reverse_bits(), first, second)
             }
@@ -209,20 +225,30 @@ mod tests {
 
     #[test]
     fn every_elementary_interval_holds_one_point_of_a_power_of_two_prefix() {
-        for log_n in [2, 4, 7, 10] {
-            let n = 1u32 << log_n;
-            for (x, y, seed, dimension) in [(0, 0, 0, Dimension::Pixel), (17, 3, 9, Dimension::Direction)] {
-                let points: Vec<[f32; 2]> = (0..n)
-                    .map(|i| Sampler::new(SamplerKind::Sobol, seed, x, y, i).get_2d(dimension))
-                    .collect();
-                for split in 0..=log_n {
-                    let mut seen = vec![false; n as usize];
-                    for [a, b] in &points {
-                        let column = (a * (1u32 << split) as f32) as usize;
-                        let row = (b * (1u32 << (log_n - split)) as f32) as usize;
-                        let cell = row << split | column;
-                        assert!(!seen[cell], "2^{log_n} points, {split} splits: two in one cell");
-                        seen[cell] = true;
+        // Of all samples, of the even ones, of the odd ones.
+        for (kind, first, stride) in [
+            (SamplerKind::SobolWhole, 0, 1),
+            (SamplerKind::Sobol, 0, 2),
+            (SamplerKind::Sobol, 1, 2),
+        ] {
+            for log_n in [2, 4, 7, 10] {
+                let n = 1u32 << log_n;
+                for (x, y, seed, dimension) in [(0, 0, 0, Dimension::Pixel), (17, 3, 9, Dimension::Direction)] {
+                    let points: Vec<[f32; 2]> = (0..n)
+                        .map(|i| Sampler::new(kind, seed, x, y, first + stride * i).get_2d(dimension))
+                        .collect();
+                    for split in 0..=log_n {
+                        let mut seen = vec![false; n as usize];
+                        for [a, b] in &points {
+                            let column = (a * (1u32 << split) as f32) as usize;
+                            let row = (b * (1u32 << (log_n - split)) as f32) as usize;
+                            let cell = row << split | column;
+                            assert!(
+                                !seen[cell],
+                                "{kind:?}: 2^{log_n} points, {split} splits: two in one cell"
+                            );
+                            seen[cell] = true;
+                        }
                     }
                 }
             }
@@ -230,8 +256,35 @@ mod tests {
     }
 
     #[test]
+    fn even_and_odd_samples_are_independent() {
+        // If the two halves were stratified against each other, their means would differ less than those of independent ones;
+        // so their covariance over pixels is looked at. For n pairs its standard deviation is that of the means, squared,
+        // over the root of n; five of them are allowed.
+        let n = 65_536u32;
+        for dimension in [Dimension::Pixel, Dimension::Roulette] {
+            let (mut covariance, mut variance) = (0.0, 0.0);
+            for i in 0..n {
+                let mean = |first: u32| {
+                    let numbers = (0..4).map(|k| {
+                        let sampler = Sampler::new(SamplerKind::Sobol, 7, i % 256, i / 256, first + 2 * k);
+                        f64::from(sampler.get_1d(dimension)) - 0.5
+                    });
+                    numbers.sum::<f64>() / 4.0
+                };
+                let (even, odd) = (mean(0), mean(1));
+                covariance += even * odd;
+                variance += 0.5 * (even * even + odd * odd);
+            }
+            assert!(
+                covariance.abs() < 5.0 * variance / f64::from(n).sqrt(),
+                "{dimension:?}: {covariance} of {variance}"
+            );
+        }
+    }
+
+    #[test]
     fn numbers_depend_on_every_part_of_their_key_and_on_nothing_else() {
-        for kind in [SamplerKind::Sobol, SamplerKind::Independent] {
+        for kind in [SamplerKind::Sobol, SamplerKind::SobolWhole, SamplerKind::Independent] {
             let base = Sampler::new(kind, 1, 2, 3, 4).get_2d(Dimension::Direction);
             assert_eq!(base, Sampler::new(kind, 1, 2, 3, 4).get_2d(Dimension::Direction));
             let mut other_bounce = Sampler::new(kind, 1, 2, 3, 4);
@@ -252,7 +305,7 @@ mod tests {
     #[test]
     fn pixels_and_dimensions_are_uncorrelated() {
         // Mean of (u - 1/2)(v - 1/2) over n pairs has standard deviation 1 / (12 sqrt n); five of them are allowed.
-        for kind in [SamplerKind::Sobol, SamplerKind::Independent] {
+        for kind in [SamplerKind::Sobol, SamplerKind::SobolWhole, SamplerKind::Independent] {
             let n = 65_536u32;
             let (mut across_dimensions, mut across_pixels) = (0.0, 0.0);
             for i in 0..n {

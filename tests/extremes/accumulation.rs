@@ -22,7 +22,6 @@ fn film(samples: &[f32]) -> Film {
     for sample in samples {
         tile.add(3, 5, Rgb::splat(*sample));
     }
-    tile.samples = samples.len() as u32;
     film
 }
 
@@ -120,10 +119,18 @@ fn films_of_other_pixels_or_of_too_many_samples_are_refused_and_change_nothing()
     let other = Rect { x1: 5, ..pixel() };
     let mut full = film(&[1.0, 3.0]);
     assert_eq!(full.merge(&Film::new(other)), Err(MergeError::Crop(pixel(), other)));
-    let mut many = Film::new(pixel());
-    many.tiles_mut()[0].samples = u32::MAX - 1;
+    // 2³² - 2 samples, by doubling.
+    let many = (0..31).fold(film(&[]), |sum, bit| {
+        if bit == 0 {
+            film(&[2.0, 2.0])
+        } else {
+            merged(merged(sum.clone(), &sum), &film(&[2.0, 2.0]))
+        }
+    });
+    assert_eq!(many.sample_range(), (u32::MAX - 1, u32::MAX - 1));
     assert_eq!(full.merge(&many), Err(MergeError::Samples));
     assert_eq!((mean(&full), full.sample_range()), (2.0, (2, 2)));
-    many.tiles_mut()[0].samples = u32::MAX - 2;
-    assert_eq!(full.merge(&many), Ok(()));
+    let mut one = film(&[2.0]);
+    assert_eq!(one.merge(&many), Ok(()));
+    assert_eq!((mean(&one), one.sample_range()), (2.0, (u32::MAX, u32::MAX)));
 }

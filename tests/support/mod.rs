@@ -24,7 +24,7 @@ use embrace::light::Emission;
 use embrace::material::{Material, Scattering, Spectrum};
 use embrace::math::{DAffine3, DVec3, Rgb, Vec2, Vec3};
 use embrace::mesh::TriangleMesh;
-use embrace::render::{Job, render};
+use embrace::render::{ErrorControl, Job, render};
 use embrace::scene::{EnvironmentDesc, ObjectDesc, Scene, SceneDesc, SceneOptions};
 use rayon::prelude::*;
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
@@ -313,7 +313,7 @@ impl Stage {
 pub(crate) struct Prepared<A> {
     pub(crate) scene: Scene,
     pub(crate) accel: A,
-    kernel: Kernel,
+    pub(crate) kernel: Kernel,
 }
 
 impl<A: Accel> Prepared<A> {
@@ -336,9 +336,10 @@ impl<A: Accel> Prepared<A> {
         let job = Job {
             crop: Rect { x0: 0, y0: 0, x1, y1 },
             spp,
+            error: ErrorControl::Ignored,
             settings: *settings,
         };
-        let (film, report) = render(&self.scene, &self.accel, self.kernel, &job, &|| false, &|_| ());
+        let (film, report) = render(&self.scene, &self.accel, self.kernel, &job);
         assert_eq!(
             report.dropped.count,
             0,

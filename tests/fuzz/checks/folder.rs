@@ -7,7 +7,7 @@ use embrace::image::{Image, MAX_PIXELS};
 use embrace::integrator::{KernelChoice, Settings, kernel_for};
 use embrace::material::{Material, Scattering, Spectrum};
 use embrace::math::Rgb;
-use embrace::render::{Job, render};
+use embrace::render::{ErrorControl, Job, render};
 use embrace::scene::{EnvironmentDesc, LoadOptions, Scene, SceneDesc, SceneOptions, load};
 use embrace::texture::Texture;
 use std::fs;
@@ -145,12 +145,13 @@ fn render_some(desc: SceneDesc) {
     let job = Job {
         crop: Rect::block(x1 / 2, y1 / 2).intersection(Rect { x0: 0, y0: 0, x1, y1 }),
         spp: 1,
+        error: ErrorControl::Ignored,
         settings: Settings {
             max_depth: scene.max_depth,
             ..Settings::default()
         },
     };
-    let (film, report) = render(&scene, &accel, kernel, &job, &|| false, &|_| ());
+    let (film, report) = render(&scene, &accel, kernel, &job);
     assert_eq!(report.paths, job.crop.pixels());
     assert!(report.dropped.count <= report.paths);
     assert!(

@@ -1,0 +1,137 @@
+//! The error of an image, told from the image itself.
+//!
+//! Samples of a pixel are stratified against each other: their mean is better than that of independent samples, and their
+//! variance does not tell by how much. So the samplers make two sequences for each pixel, which are independent of each
+//! other. Half of the difference of their means has the variance of the mean of all samples (independent replications of
+//! a randomised quasi-Monte Carlo rule; Owen 1997, "Monte Carlo variance of scrambled net quadrature"). With two
+//! replications this is good for nothing in one pixel, but over all pixels it is as good as knowing the truth.
+
+use crate::film::Film;
+use crate::image::Image;
+use crate::math::Rgb;
+use rayon::prelude::*;
+use serde::Serialize;
+
+/// The relative error of a black pixel is finite by this; see [`crate::image::compare`].
+pub(crate) const RELATIVE_OFFSET: f64 = 0.01;
+
+/// Of the standard normal distribution, for 95 % between the two ends.
+const QUANTILE: f64 = 1.96;
+
+/// Pixels to each side that tell what a pixel may be.
+const REACH: u32 = 2;
+
+/// An estimate and where the truth lies in 95 of 100 cases.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Interval {
+    /// The estimate.
+    pub value: f64,
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+impl Interval {
+    /// Of the mean of many non-negative numbers, estimated one by one.
+    fn of_mean(estimates: impl Iterator<Item = f64>) -> Interval {
+        let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
+        for x in estimates {
+            count += 1.0;
+            sum += x;
+            squares += x * x;
+        }
+        // Both the estimates and the truth vary, independently of each other, each by its mean square at most. On a logarithmic
+        // scale, because few large ones count most.
+        let relative = (2.0 * squares).sqrt() / f64::max(sum, f64::MIN_POSITIVE);
+        let factor = (QUANTILE * relative).exp();
+        let value = sum / count;
+        Interval {
+            value,
+            low: value / factor,
+            high: value * factor,
+        }
+    }
+
+    fn map(self, f: impl Fn(f64) -> f64) -> Interval {
+        Interval {
+            value: f(self.value),
+            low: f(self.low),
+            high: f(self.high),
+        }
+    }
+}
+
+/// The error of an image, against that of infinitely many samples: what [`crate::image::compare::compare`] would find.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ErrorEstimate {
+    /// Mean over pixels and channels of the squared error over the square of the true value plus 0.01.
+    pub relmse: Interval,
+    /// Mean over pixels and channels of the squared error.
+    pub mse: Interval,
+}
+
+impl ErrorEstimate {
+    /// Square root of the mean squared error, in the unit of the image.
+    pub fn rmse(&self) -> Interval {
+        self.mse.map(f64::sqrt)
+    }
+
+    /// Square root of the mean squared relative error.
+    pub fn relative_rmse(&self) -> Interval {
+        self.relmse.map(f64::sqrt)
+    }
+}
+
+/// The error of the image that a film makes, whose sampler has independent halves; `None` if a pixel has fewer than two
+/// samples.
+pub fn estimate(film: &Film) -> Option<ErrorEstimate> {
+    if film.sample_range().0 < 2 {
+        return None;
+    }
+    let mean = film.develop();
+    // Standard errors, because squares may leave the range of f32.
+    let deviation = film.map(|pixel| Rgb::from(pixel.variance().map(f64::sqrt)));
+    let rows = (0..mean.height).into_par_iter();
+    let relative: Vec<f64> = rows
+        .flat_map_iter(|y| (0..mean.width).map(move |x| (x, y)))
+        .map(|(x, y)| sum_of_squares(*deviation.at(x, y), relative_weight(&mean, &deviation, x, y)))
+        .collect();
+    let absolute = deviation.pixels.iter().map(|d| sum_of_squares(*d, [1.0; 3]));
+    Some(ErrorEstimate {
+        relmse: Interval::of_mean(relative.into_iter()),
+        mse: Interval::of_mean(absolute),
+    })
+}
+
+/// Mean over the channels of weighted squares.
+fn sum_of_squares(x: Rgb, weight: [f64; 3]) -> f64 {
+    (0..3).map(|c| f64::from(x[c]).powi(2) * weight[c]).sum::<f64>() / 3.0
+}
+
+/// The weight of a pixel's squared error in the relative one, which is a function of the true value. The pixel's own mean is
+/// a poor guess at that where it is noise, and its error goes with that of the variance; so the mean of the pixels around
+/// it is taken, as far as its own does not differ clearly from that.
+fn relative_weight(mean: &Image<Rgb>, deviation: &Image<Rgb>, x: u32, y: u32) -> [f64; 3] {
+    let around = |x: u32, end: u32| x.saturating_sub(REACH)..(x + REACH + 1).min(end);
+    let (mut count, mut sum) = (0.0, [0.0; 3]);
+    for y in around(y, mean.height) {
+        for x in around(x, mean.width) {
+            count += 1.0;
+            sum = [0, 1, 2].map(|c| sum[c] + f64::from(mean.at(x, y)[c]));
+        }
+    }
+    [0, 1, 2].map(|c| {
+        let (own, all) = (f64::from(mean.at(x, y)[c]), sum[c] / count);
+        let noise = f64::from(deviation.at(x, y)[c]).powi(2);
+        let difference = (own - all).powi(2);
+        // Within two standard errors nothing is clear.
+        let share = if difference > 4.0 * noise {
+            1.0 - 4.0 * noise / difference
+        } else {
+            0.0
+        };
+        let guess = all + share * (own - all);
+        1.0 / (guess * guess + RELATIVE_OFFSET)
+    })
+}
