@@ -1,8 +1,7 @@
 //! The reference: every ray against every triangle.
 
-use super::triangle::{self, TriangleRay};
+use super::triangle::{self, Corners, TriangleRay};
 use super::{Accel, AccelError, BuildOptions, Geometry, Hit, Intersector, Ray};
-use crate::math::Vec3;
 
 /// All triangles in world coordinates, without any hierarchy. For tests and for scenes of a few triangles.
 pub struct Brute {
@@ -10,7 +9,7 @@ pub struct Brute {
 }
 
 struct BruteTriangle {
-    corners: [Vec3; 3],
+    corners: Corners,
     placement: u32,
     triangle: u32,
 }
@@ -27,7 +26,7 @@ impl Accel for Brute {
                 let corners = geometry.world_triangle(placement, triangle);
                 if triangle::can_be_hit(&corners) {
                     triangles.push(BruteTriangle {
-                        corners,
+                        corners: corners.into(),
                         placement,
                         triangle,
                     });

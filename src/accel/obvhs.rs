@@ -10,7 +10,7 @@
 
 mod build;
 
-use super::triangle::{self, TriangleHit, TriangleRay};
+use super::triangle::{self, Corners, TriangleHit, TriangleRay};
 use super::{Accel, AccelError, BuildOptions, BuildQuality, Geometry, Hit, Intersector, Ray};
 use crate::math::Vec3;
 use glam::{DAffine3, UVec2, Vec3A, Vec4};
@@ -163,7 +163,7 @@ impl Tree {
 /// Triangles under a tree, in the order of its slots.
 struct TriangleTree {
     tree: Tree,
-    corners: Vec<[Vec3; 3]>,
+    corners: Vec<Corners>,
     /// Placement (of the merged tree only, else 0) and index in the mesh.
     ids: Vec<(u32, u32)>,
 }
@@ -183,7 +183,7 @@ impl TriangleTree {
         let tree = Tree::build(boxes, quality);
         let ids: Vec<(u32, u32)> = tree.order().par_iter().map(|&i| ids[i as usize]).collect();
         TriangleTree {
-            corners: ids.par_iter().map(|id| corners(*id)).collect(),
+            corners: ids.par_iter().map(|id| corners(*id).into()).collect(),
             ids,
             tree,
         }

@@ -12,18 +12,37 @@
 
 use super::Ray;
 use crate::math::Vec3;
-use glam::Vec3Swizzles;
+use glam::{DVec3, Vec3A, Vec3Swizzles};
 
 /// A ray prepared for many triangles.
 #[derive(Clone, Copy, Debug)]
 pub struct TriangleRay {
     origin: Vec3,
     direction: Vec3,
-    /// Index of the largest component of the direction, which becomes z.
-    axis: u8,
-    /// x and y per unit of z, and 1/z, of the permuted direction.
+    /// The axes that become x, y and z, which is the one of the largest component of the direction. Turned, not swapped:
+    /// the winding does not matter to a two-sided test.
+    axes: [u8; 3],
+    /// The origin along these axes.
+    start: Vec3,
+    /// x and y per unit of z, and 1/z, of the direction along these axes.
     shear: Vec3,
     t_min: f32,
+}
+
+/// The corners of a triangle as the test reads them: x of all three, then y, then z, so that an axis is chosen by an index
+/// and vector instructions take all corners at once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Corners([Vec3A; 3]);
+
+impl From<[Vec3; 3]> for Corners {
+    #[inline]
+    fn from([a, b, c]: [Vec3; 3]) -> Corners {
+        Corners([
+            Vec3A::new(a.x, b.x, c.x),
+            Vec3A::new(a.y, b.y, c.y),
+            Vec3A::new(a.z, b.z, c.z),
+        ])
+    }
 }
 
 /// Where a ray meets a triangle.
@@ -37,16 +56,6 @@ pub struct TriangleHit {
     pub v: f32,
 }
 
-/// Cyclic, so that no axis order needs a branch of its own; the winding does not matter to a two-sided test.
-#[inline(always)]
-fn permute(p: Vec3, axis: u8) -> Vec3 {
-    match axis {
-        0 => p.yzx(),
-        1 => p.zxy(),
-        _ => p,
-    }
-}
-
 impl TriangleRay {
     /// Prepares a ray; the direction need not be a unit vector. `None` if nothing can be hit: the direction is zero, a
     /// component is not finite, or the segment is empty.
@@ -56,18 +65,20 @@ impl TriangleRay {
         if !(ray.origin.is_finite() && ray.direction.is_finite() && size.max_element() > 0.0 && ray.t_min < ray.t_max) {
             return None;
         }
-        let axis = if size.x > size.y && size.x > size.z {
-            0
+        let axes = if size.x > size.y && size.x > size.z {
+            [1, 2, 0]
         } else if size.y > size.z {
-            1
+            [2, 0, 1]
         } else {
-            2
+            [0, 1, 2]
         };
-        let d = permute(ray.direction, axis);
+        let permute = |v: Vec3| Vec3::from(axes.map(|axis| v[usize::from(axis)]));
+        let d = permute(ray.direction);
         Some(TriangleRay {
             origin: ray.origin,
             direction: ray.direction,
-            axis,
+            axes,
+            start: permute(ray.origin),
             shear: Vec3::new(d.x / d.z, d.y / d.z, 1.0 / d.z),
             t_min: ray.t_min,
         })
@@ -76,52 +87,60 @@ impl TriangleRay {
     /// The hit in the open interval from the ray's `t_min` to `t_max`, of either side. Triangles seen edge-on and
     /// triangles without area are not hit, nor must those be tried with a corner beyond [`LARGEST_COORDINATE`].
     #[inline]
-    pub fn intersect(&self, corners: &[Vec3; 3], t_max: f32) -> Option<TriangleHit> {
-        let [a, b, c] = corners.map(|corner| permute(corner - self.origin, self.axis));
-        let (ax, ay) = (a.x - self.shear.x * a.z, a.y - self.shear.y * a.z);
-        let (bx, by) = (b.x - self.shear.x * b.z, b.y - self.shear.y * b.z);
-        let (cx, cy) = (c.x - self.shear.x * c.z, c.y - self.shear.y * c.z);
+    pub fn intersect(&self, corners: &Corners, t_max: f32) -> Option<TriangleHit> {
+        let along = |i: usize| corners.0[usize::from(self.axes[i])];
+        let z = along(2) - self.start.z;
+        let x = along(0) - self.start.x - self.shear.x * z;
+        let y = along(1) - self.start.y - self.shear.y * z;
         // Twice the signed areas opposite to each corner.
-        let weights = [cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax];
-        let [weight_a, weight_b, weight_c] = if weights.contains(&0.0) {
+        let weights = x.zxy() * y.yzx() - y.zxy() * x.yzx();
+        let (negative, positive) = (weights.cmplt(Vec3A::ZERO), weights.cmpgt(Vec3A::ZERO));
+        let (negative, positive) = (negative.bitmask(), positive.bitmask());
+        let weights = if negative | positive != 0b111 {
+            if weights.is_nan() {
+                return None;
+            }
             // f64 to the end: the products of a triangle of 1e-23 are below all f32.
-            let exact =
-                |px: f32, qy: f32, py: f32, qx: f32| f64::from(px) * f64::from(qy) - f64::from(py) * f64::from(qx);
-            let weights = [exact(cx, by, cy, bx), exact(ax, cy, ay, cx), exact(bx, ay, by, ax)];
-            if weights.iter().any(|w| *w < 0.0) && weights.iter().any(|w| *w > 0.0) {
+            let (x, y) = (x.as_dvec3(), y.as_dvec3());
+            let weights = x.zxy() * y.yzx() - y.zxy() * x.yzx();
+            if weights.min_element() < 0.0 && weights.max_element() > 0.0 {
                 return None;
             }
             weights
+        } else if negative != 0 && positive != 0 {
+            return None;
         } else {
-            let [a, b, c] = weights;
-            if a.min(b).min(c) < 0.0 && a.max(b).max(c) > 0.0 {
-                return None;
-            }
-            weights.map(f64::from)
+            weights.as_dvec3()
         };
-        let sum = weight_a + weight_b + weight_c;
+        // Most triangles that the line meets lie outside of the segment.
+        let ends = (z * self.shear.z).to_array();
+        let nearest = ends[0].min(ends[1]).min(ends[2]);
+        let farthest = ends[0].max(ends[1]).max(ends[2]);
+        if nearest >= t_max || farthest <= self.t_min {
+            return None;
+        }
+        let sum = weights.x + weights.y + weights.z;
         if sum == 0.0 || !sum.is_finite() {
             return None;
         }
-        let scale = 1.0 / sum;
-        let ends = [a.z, b.z, c.z].map(|z| z * self.shear.z);
-        let nearest = ends[0].min(ends[1]).min(ends[2]);
-        let farthest = ends[0].max(ends[1]).max(ends[2]);
         // A plane seen edge-on has its distance anywhere, or nowhere (NaN, which `max` drops): between the corners is all
         // that is known. Not `clamp`, which panics where the ends are NaN, as for a direction of 1e-39.
         let t = self.distance_to_plane(corners).max(nearest).min(farthest);
+        let scale = 1.0 / sum;
         (t > self.t_min && t < t_max && t.is_finite()).then_some(TriangleHit {
             t,
-            u: (weight_b * scale) as f32,
-            v: (weight_c * scale) as f32,
+            u: (weights.y * scale) as f32,
+            v: (weights.z * scale) as f32,
         })
     }
 
     /// Distance to the plane of a triangle. Differences and products of f32 are exact in f64 but for a last rounding.
     #[inline]
-    fn distance_to_plane(&self, corners: &[Vec3; 3]) -> f32 {
-        let [a, b, c] = corners.map(|corner| corner.as_dvec3());
-        let normal = (b - a).cross(c - a);
+    fn distance_to_plane(&self, corners: &Corners) -> f32 {
+        let [x, y, z] = corners.0.map(|row| row.as_dvec3());
+        let a = DVec3::new(x.x, y.x, z.x);
+        let (ab, ac) = (DVec3::new(x.y, y.y, z.y) - a, DVec3::new(x.z, y.z, z.z) - a);
+        let normal = ab.cross(ac);
         (normal.dot(a - self.origin.as_dvec3()) / normal.dot(self.direction.as_dvec3())) as f32
     }
 }
@@ -133,7 +152,7 @@ pub const LARGEST_COORDINATE: f32 = 1.8e18;
 pub(super) fn can_be_hit(corners: &[Vec3; 3]) -> bool {
     let [a, b, c] = corners.map(|p| p.as_dvec3());
     let is_near = |p: &Vec3| p.abs().max_element() <= LARGEST_COORDINATE;
-    (b - a).cross(c - a) != glam::DVec3::ZERO && corners.iter().all(is_near)
+    (b - a).cross(c - a) != DVec3::ZERO && corners.iter().all(is_near)
 }
 
 #[cfg(test)]
@@ -141,7 +160,7 @@ mod tests {
     use super::*;
 
     fn hit(ray: &Ray, corners: &[Vec3; 3]) -> Option<TriangleHit> {
-        TriangleRay::new(ray).and_then(|prepared| prepared.intersect(corners, ray.t_max))
+        TriangleRay::new(ray).and_then(|prepared| prepared.intersect(&Corners::from(*corners), ray.t_max))
     }
 
     /// Uniform in [-1, 1), from the upper bits of a 64-bit congruential generator.
@@ -193,7 +212,9 @@ mod tests {
                 let origin = random_point(&mut state) * 0.3 * scale;
                 let ray = Ray::new(origin, (target - origin).normalize());
                 let prepared = TriangleRay::new(&ray).unwrap();
-                let hits = triangles.iter().filter_map(|t| prepared.intersect(t, f32::INFINITY));
+                let hits = triangles
+                    .iter()
+                    .filter_map(|t| prepared.intersect(&Corners::from(*t), f32::INFINITY));
                 assert!(hits.count() > 0, "{ray:?} leaves the mesh at scale {scale}");
             }
         }

@@ -6,7 +6,7 @@ use embrace::accel::brute::Brute;
 use embrace::accel::embree::Embree;
 #[cfg(feature = "obvhs")]
 use embrace::accel::obvhs::Obvhs;
-use embrace::accel::triangle::TriangleRay;
+use embrace::accel::triangle::{Corners, TriangleRay};
 use embrace::accel::{Accel, BuildOptions, Geometry, Hit, Placement, Ray};
 use embrace::math::Vec3;
 use embrace::mesh::TriangleMesh;
@@ -119,7 +119,7 @@ fn for_backends(ray: Ray) -> Option<Ray> {
 }
 
 fn check_triangle(ray: &Ray, corners: &[Vec3; 3]) {
-    let hit = TriangleRay::new(ray).and_then(|prepared| prepared.intersect(corners, ray.t_max));
+    let hit = TriangleRay::new(ray).and_then(|prepared| prepared.intersect(&Corners::from(*corners), ray.t_max));
     if let Some(hit) = hit {
         check_distance("triangle", ray, hit.t);
         check_weights("triangle", ray, hit.u, hit.v);
