@@ -211,7 +211,9 @@ impl GeometryHandle {
         let vertices = mesh.positions.len();
         // Embree reads vertices by index without a check while it traces.
         assert!(
-            mesh.indices.par_iter().flatten().all(|&i| (i as usize) < vertices),
+            mesh.indices
+                .par_iter()
+                .all(|corners| corners.iter().all(|&i| (i as usize) < vertices)),
             "the mesh was not validated"
         );
         let geometry = GeometryHandle::new(device, ffi::RTCGeometryType::RTC_GEOMETRY_TYPE_TRIANGLE)?;
