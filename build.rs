@@ -27,7 +27,7 @@ mod embree {
         "rtcReleaseScene",
         "rtcSetSceneFlags",
         "rtcSetSceneBuildQuality",
-        "rtcJoinCommitScene",
+        "rtcCommitScene",
         "rtcAttachGeometryByID",
         "rtcNewGeometry",
         "rtcReleaseGeometry",

@@ -172,7 +172,7 @@ pub trait Accel: Sized + Send + Sync {
     /// What there is to choose from.
     const INTERSECTORS: &'static [Intersector];
 
-    /// Builds the structure on the threads of the current rayon pool.
+    /// Builds the structure on as many threads as the current rayon pool has.
     ///
     /// # Errors
     /// Only when the library behind the backend fails (out of memory, wrong version). Empty geometry is no error.

@@ -92,7 +92,7 @@ fn library_error(message: String) -> AccelError {
 /// Version of the loaded library, or that of the header if no device can be made.
 fn loaded_version() -> String {
     // SAFETY: a zero-terminated string that lives until the call returns.
-    let device = unsafe { ffi::rtcNewDevice(c"threads=1,user_threads=1".as_ptr()) };
+    let device = unsafe { ffi::rtcNewDevice(c"threads=1".as_ptr()) };
     if device.is_null() {
         return ffi::RTC_VERSION_STRING.to_string_lossy().into_owned();
     }
@@ -122,10 +122,10 @@ unsafe impl Sync for Device {}
 
 impl Device {
     fn new() -> Result<Arc<Device>, AccelError> {
-        // One pool of threads: all of Embree's build threads are ours, which join in `Scene::commit`.
+        // Embree's own threads, of which the caller of a build is one: ours would join, but find little to do there
+        // (docs/performance.md). They sleep while rays are traced.
         let threads = rayon::current_num_threads();
-        let config = CString::new(format!("threads={threads},user_threads={threads}"))
-            .map_err(|error| library_error(error.to_string()))?;
+        let config = CString::new(format!("threads={threads}")).map_err(|error| library_error(error.to_string()))?;
         // SAFETY: a zero-terminated string that lives until the call returns.
         let handle = unsafe { ffi::rtcNewDevice(config.as_ptr()) };
         if handle.is_null() {
@@ -299,8 +299,7 @@ struct Scene {
 
 // SAFETY: Embree's API may be called from any thread, and the handle is reference-counted atomically.
 unsafe impl Send for Scene {}
-// SAFETY: through `&Scene` a scene is joined by several threads during its build, which Embree is made for, and traced
-// once it is built, which does not change it. Attaching needs `&mut Scene`.
+// SAFETY: through `&Scene` a scene is only traced, which does not change it. Attaching and building need `&mut Scene`.
 unsafe impl Sync for Scene {}
 
 impl Scene {
@@ -331,14 +330,10 @@ impl Scene {
         self.device.check()
     }
 
-    /// Builds the hierarchy on all threads of the current rayon pool. A million triangles take as long as with
-    /// `rtcCommitScene` and threads of Embree's own (within noise, pools of 1 to 3 threads on two busy cores).
+    /// Builds the hierarchy on Embree's threads.
     fn commit(&mut self) -> Result<(), AccelError> {
-        let scene = &*self;
-        rayon::broadcast(|_| {
-            // SAFETY: the scene is valid, and nothing is attached to it before every thread has left the build.
-            unsafe { ffi::rtcJoinCommitScene(scene.handle) }
-        });
+        // SAFETY: the scene is valid, and nothing else uses it during the call.
+        unsafe { ffi::rtcCommitScene(self.handle) };
         self.device.check()
     }
 }
