@@ -316,11 +316,17 @@ impl Scene {
         };
         // SAFETY: the scene is valid.
         unsafe { ffi::rtcSetSceneBuildQuality(handle, build_quality(options.quality)) };
+        let mut flags = ffi::RTCSceneFlags::RTC_SCENE_FLAG_NONE;
         if options.intersector == Intersector::Robust {
-            // SAFETY: the scene is valid.
-            unsafe { ffi::rtcSetSceneFlags(handle, ffi::RTCSceneFlags::RTC_SCENE_FLAG_ROBUST) };
-            device.check()?;
+            flags.0 |= ffi::RTCSceneFlags::RTC_SCENE_FLAG_ROBUST.0;
         }
+        if options.quality == BuildQuality::Low {
+            // Without copies of the vertices in the leaves: writing these takes longer than few rays save by them.
+            flags.0 |= ffi::RTCSceneFlags::RTC_SCENE_FLAG_COMPACT.0;
+        }
+        // SAFETY: the scene is valid.
+        unsafe { ffi::rtcSetSceneFlags(handle, flags) };
+        device.check()?;
         Ok(scene)
     }
 
