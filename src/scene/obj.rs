@@ -167,11 +167,12 @@ pub fn read(
     let mut warnings = libraries.warnings;
     warn_of_ignored(path, &content.ignored, &mut warnings);
     let materials = libraries.materials;
-    let indices = resolve_materials(path, &content.names, &materials, &mut warnings);
+    let names = std::mem::take(&mut content.names);
+    let indices = resolve_materials(path, &names, &materials, &mut warnings);
     let mut parts = Vec::new();
     for (name, mesh) in content.weld() {
         let mesh = mesh.ok_or_else(|| ObjError::TooLarge { path: path.to_owned() })?;
-        let material_name = name.map(|name| content.names[name].clone());
+        let material_name = name.map(|name| names[name].clone());
         parts.push(ObjPart {
             mesh: finish_mesh(path, material_name.as_deref(), mesh, &mut warnings)?,
             material: name.and_then(|name| indices[name]),
@@ -430,6 +431,30 @@ mod tests {
         assert_eq!(c, (Vec3::Z, Vec2::new(0.5, 0.0)));
         assert_eq!(mesh.uvs[mesh.indices[1][0] as usize], Vec2::new(0.3, 0.4));
         assert_eq!(scene.warnings, [""; 0]);
+    }
+
+    /// As they are, if one index serves all; what no triangle has is left out, and other indices are not mixed up.
+    #[test]
+    fn vertices_are_those_that_triangles_have_with_the_attributes_they_name() {
+        let attributes = "vt 0 0\nvt 1 0\nvt 0 1\nvn 0 0 1\nvn 0 1 0\nvn 1 0 0\n";
+        let (unused, own) = ("v 9 9 9\nvt 0 0\nvn 0 0 1\n", "f 3/3/3 1/1/1 2/2/2\n");
+        for (face, more, uv, normal) in [
+            (own, "", Vec2::ZERO, Vec3::Z),
+            (own, unused, Vec2::ZERO, Vec3::Z),
+            ("f 3/3/3 1/2/1 2/1/2\n", "", Vec2::X, Vec3::Z),
+            ("f 3/3/3 1/1/2 2/2/1\n", "", Vec2::ZERO, Vec3::Y),
+        ] {
+            let scene = read_str(&format!("{TRIANGLE}{attributes}{more}{face}"));
+            let mesh = &scene.parts[0].mesh;
+            assert_eq!((scene.parts.len(), mesh.positions.len()), (1, 3), "{face}{more}");
+            assert_eq!(corners(mesh), [[Vec3::Y, Vec3::ZERO, Vec3::X]], "{face}{more}");
+            let second = mesh.indices[0][1] as usize;
+            assert_eq!((mesh.uvs[second], mesh.normals[second]), (uv, normal), "{face}{more}");
+        }
+        assert_eq!(
+            read_str(&format!("{TRIANGLE}{attributes}{own}")).parts[0].mesh.indices,
+            [[2, 0, 1]]
+        );
     }
 
     #[test]

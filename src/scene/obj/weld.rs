@@ -5,6 +5,8 @@ use crate::math::{DVec3, Vec2, Vec3};
 use crate::mesh::TriangleMesh;
 use rayon::prelude::*;
 use std::collections::HashMap;
+use std::mem::take;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// What distinguishes the parts of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -105,12 +107,64 @@ impl Content {
     }
 
     /// Material and mesh of each part; no mesh where its triangles or vertices cannot be numbered with 32 bits.
-    pub(super) fn weld(&self) -> impl Iterator<Item = (Option<usize>, Option<TriangleMesh<DVec3>>)> {
+    pub(super) fn weld(mut self) -> Vec<(Option<usize>, Option<TriangleMesh<DVec3>>)> {
+        if let Some(mesh) = self.take_if_welded() {
+            return vec![(self.parts[0].key.material, Some(mesh))];
+        }
         // The last vertex made at each position. Each part leaves it as it finds it.
         let mut at_position = vec![NONE; self.positions.len()];
         self.parts
             .iter()
-            .map(move |part| (part.key.material, self.weld_part(part, &mut at_position)))
+            .map(|part| (part.key.material, self.weld_part(part, &mut at_position)))
+            .collect()
+    }
+
+    /// The whole file as it is, if it has one part and one index serves position, normal and texture coordinate already:
+    /// scans are like that, and the largest meshes are scans.
+    fn take_if_welded(&mut self) -> Option<TriangleMesh<DVec3>> {
+        let [Part { key, runs }] = &*self.parts else {
+            return None;
+        };
+        let triangles = runs.iter().map(|run| run.triangles).sum();
+        let is_parallel = |has: bool, count: usize, kind: usize| {
+            let is_same = |corners: &[Vec<[u32; 3]>; 3]| corners[kind] == corners[0];
+            !has || (count == self.positions.len() && self.corners.par_iter().all(is_same))
+        };
+        if triangles > u32::MAX as usize
+            || !is_parallel(key.uvs, self.uvs.len(), 1)
+            || !is_parallel(key.normals, self.normals.len(), 2)
+        {
+            return None;
+        }
+        // Positions that no triangle has are no vertices.
+        let is_used: Vec<AtomicBool> = self.positions.iter().map(|_| AtomicBool::new(false)).collect();
+        let mut indices = vec![[0; 3]; triangles];
+        let mut rest = &mut *indices;
+        let mut jobs = Vec::with_capacity(self.corners.len());
+        for [corners, ..] in &self.corners {
+            let (to, behind) = rest.split_at_mut(corners.len());
+            jobs.push((to, corners));
+            rest = behind;
+        }
+        jobs.into_par_iter().for_each(|(to, corners)| {
+            to.copy_from_slice(corners);
+            for &i in corners.as_flattened() {
+                is_used[i as usize].store(true, Ordering::Relaxed);
+            }
+        });
+        if !is_used.into_iter().all(AtomicBool::into_inner) {
+            return None;
+        }
+        Some(TriangleMesh {
+            positions: take(&mut self.positions),
+            uvs: if key.uvs { take(&mut self.uvs) } else { Vec::new() },
+            normals: if key.normals {
+                take(&mut self.normals)
+            } else {
+                Vec::new()
+            },
+            indices,
+        })
     }
 
     fn weld_part(&self, part: &Part, at_position: &mut [u32]) -> Option<TriangleMesh<DVec3>> {
