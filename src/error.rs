@@ -92,14 +92,25 @@ pub fn estimate(film: &Film) -> Option<ErrorEstimate> {
     let mean = film.develop();
     // Standard errors, because squares may leave the range of f32.
     let deviation = film.map(|pixel| Rgb::from(pixel.variance().map(f64::sqrt)));
+    let sees_light = film.map(|pixel| pixel.sees_light);
     let rows = (0..mean.height).into_par_iter();
-    let relative: Vec<f64> = rows
+    // By the smaller weight, by one between the two, by the larger one.
+    let relative: Vec<[f64; 3]> = rows
         .flat_map_iter(|y| (0..mean.width).map(move |x| (x, y)))
-        .map(|(x, y)| sum_of_squares(*deviation.at(x, y), relative_weight(&mean, &deviation, x, y)))
+        .map(|(x, y)| {
+            let [a, b] = weights(&mean, &deviation, *sees_light.at(x, y), [x, y]);
+            let of = |w: fn(f64, f64) -> f64| sum_of_squares(*deviation.at(x, y), [0, 1, 2].map(|c| w(a[c], b[c])));
+            [of(f64::min), of(|a, b| (a * b).sqrt()), of(f64::max)]
+        })
         .collect();
+    let [low, value, high] = [0, 1, 2].map(|k| Interval::of_mean(relative.iter().map(|of| of[k])));
     let absolute = deviation.pixels.iter().map(|d| sum_of_squares(*d, [1.0; 3]));
     Some(ErrorEstimate {
-        relmse: Interval::of_mean(relative.into_iter()),
+        relmse: Interval {
+            value: value.value,
+            low: low.low,
+            high: high.high,
+        },
         mse: Interval::of_mean(absolute),
     })
 }
@@ -109,10 +120,17 @@ fn sum_of_squares(x: Rgb, weight: [f64; 3]) -> f64 {
     (0..3).map(|c| f64::from(x[c]).powi(2) * weight[c]).sum::<f64>() / 3.0
 }
 
-/// The weight of a pixel's squared error in the relative one, which is a function of the true value. The pixel's own mean is
-/// a poor guess at that where it is noise, and its error goes with that of the variance; so the mean of the pixels around
-/// it is taken, as far as its own does not differ clearly from that.
-fn relative_weight(mean: &Image<Rgb>, deviation: &Image<Rgb>, x: u32, y: u32) -> [f64; 3] {
+/// The weight of a squared error in the relative one, by the true value.
+fn weight(value: f64) -> f64 {
+    1.0 / (value * value + RELATIVE_OFFSET)
+}
+
+/// Two guesses at that for a pixel whose true value is not known. Its own mean says little where it is noise, and goes with
+/// the estimate of the variance. So what is around it is taken, as far as its own mean does not differ clearly from that:
+/// once with the pixel among the others, as if a bright one were one of many there, and once without, as if it were an
+/// accident. Which of the two it is, no image tells. One that sees a light is an accident hardly ever, but may be the edge of
+/// a small lamp: it is taken for what it is once, and once as one among the others.
+fn weights(mean: &Image<Rgb>, deviation: &Image<Rgb>, sees_light: bool, [x, y]: [u32; 2]) -> [[f64; 3]; 2] {
     let around = |x: u32, end: u32| x.saturating_sub(REACH)..(x + REACH + 1).min(end);
     let (mut count, mut sum) = (0.0, [0.0; 3]);
     for y in around(y, mean.height) {
@@ -121,17 +139,31 @@ fn relative_weight(mean: &Image<Rgb>, deviation: &Image<Rgb>, x: u32, y: u32) ->
             sum = [0, 1, 2].map(|c| sum[c] + f64::from(mean.at(x, y)[c]));
         }
     }
-    [0, 1, 2].map(|c| {
-        let (own, all) = (f64::from(mean.at(x, y)[c]), sum[c] / count);
-        let noise = f64::from(deviation.at(x, y)[c]).powi(2);
-        let difference = (own - all).powi(2);
-        // Within two standard errors nothing is clear.
-        let share = if difference > 4.0 * noise {
-            1.0 - 4.0 * noise / difference
+    let own = mean.at(x, y).to_array().map(f64::from);
+    let among_others = sum.map(|s| s / count);
+    let others = [0, 1, 2].map(|c| {
+        if count > 1.0 {
+            (sum[c] - own[c]) / (count - 1.0)
         } else {
-            0.0
-        };
-        let guess = all + share * (own - all);
-        1.0 / (guess * guess + RELATIVE_OFFSET)
+            own[c]
+        }
+    });
+    let guesses = if sees_light {
+        [own, among_others]
+    } else {
+        [among_others, others]
+    };
+    guesses.map(|guess| {
+        [0, 1, 2].map(|c| {
+            let noise = f64::from(deviation.at(x, y)[c]).powi(2);
+            let difference = (own[c] - guess[c]).powi(2);
+            // Within two standard errors nothing is clear.
+            let share = if difference > 4.0 * noise {
+                1.0 - 4.0 * noise / difference
+            } else {
+                0.0
+            };
+            weight(guess[c] + share * (own[c] - guess[c]))
+        })
     })
 }

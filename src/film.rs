@@ -119,6 +119,8 @@ pub struct PixelSums {
     /// Of the samples with an even index, less that of the others. A plain sum: only an error is made of it.
     difference: [f64; 3],
     samples: u32,
+    /// Whether a camera ray met an emitter or the environment.
+    pub(crate) sees_light: bool,
 }
 
 impl PixelSums {
@@ -143,7 +145,7 @@ impl PixelSums {
     }
 
     /// Variance of [`PixelSums::mean`], by the difference of the means of even and odd samples, which are independent of each
-    /// other ([`crate::integrator::Settings::independent_halves`]). Unbiased, but with a single degree of freedom: good for
+    /// other ([`crate::sampling::SamplerKind::has_independent_halves`]). Unbiased, but with a single degree of freedom: good for
     /// sums over many pixels. Infinite if there are fewer than two samples.
     pub fn variance(&self) -> [f64; 3] {
         if self.samples < 2 {
@@ -169,6 +171,7 @@ impl PixelSums {
         self.sum.error = [0, 1, 2].map(|c| self.sum.error[c] + other.sum.error[c]);
         self.difference = [0, 1, 2].map(|c| self.difference[c] + other.difference[c]);
         self.samples += other.samples;
+        self.sees_light |= other.sees_light;
     }
 }
 

@@ -192,7 +192,7 @@ impl<A: Accel> Tracer<'_, A> {
                 indices.clone().flat_map(of_block)
             })
         });
-        let add = |id: SampleId, radiance: Rgb| {
+        let add = |(id, radiance, sees_light): (SampleId, Rgb, bool)| {
             report.paths += 1;
             let radiance = if radiance.is_finite() {
                 radiance
@@ -201,7 +201,9 @@ impl<A: Accel> Tracer<'_, A> {
                 report.dropped.first = Some(report.dropped.first.map_or(id, |first| first.min(id)));
                 Rgb::BLACK
             };
-            pixels.at_mut(id.x, id.y).add(radiance);
+            let pixel = pixels.at_mut(id.x, id.y);
+            pixel.add(radiance);
+            pixel.sees_light |= sees_light;
         };
         let is_complete = self.trace(batch, samples, &mut report.rays, add);
         if is_complete {
@@ -216,14 +218,14 @@ impl<A: Accel> Tracer<'_, A> {
         batch: &mut Batch,
         mut samples: impl Iterator<Item = SampleId>,
         rays: &mut RayCounts,
-        mut add: impl FnMut(SampleId, Rgb),
+        mut add: impl FnMut((SampleId, Rgb, bool)),
     ) -> bool {
         while batch.fill(&mut samples) {
             if (self.stop)() {
                 return false;
             }
             self.kernel.trace(self.scene, self.accel, self.settings, batch, rays);
-            batch.results().for_each(|(id, radiance)| add(id, radiance));
+            batch.results().for_each(&mut add);
         }
         true
     }

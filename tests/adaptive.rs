@@ -10,26 +10,12 @@ use embrace::image::Image;
 use embrace::integrator::Settings;
 use embrace::math::Rgb;
 use embrace::render::{ErrorControl, Job, render};
-use embrace::scene::{LoadOptions, SceneOptions, load};
 use rayon::prelude::*;
-use std::path::Path;
-use support::{Prepared, Significance, Summary, assert_same_images, for_each_backend};
+use support::{Prepared, Significance, Summary, assert_same_images, for_each_backend, scene_of_repository};
 
 for_each_backend! { but not brute:
     samples_by_error_leave_every_pixel_unbiased
     samples_by_error_reach_the_target_with_fewer_paths
-}
-
-/// A scene of the repository, at this size.
-fn prepare<A: Accel>(name: &str, resolution: [u32; 2]) -> Prepared<A> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}/{name}.toml"));
-    let mut desc = load(&path, LoadOptions::default()).unwrap();
-    desc.camera.resolution = resolution;
-    let options = SceneOptions {
-        mis: true,
-        ..SceneOptions::default()
-    };
-    Prepared::new(desc, options)
 }
 
 fn film<A: Accel>(prepared: &Prepared<A>, seed: u64, spp: u32, error: ErrorControl) -> (Film, u64) {
@@ -54,7 +40,7 @@ fn bounded(relative_rmse: f64, min_spp: u32) -> ErrorControl {
 /// From very few samples on, where a decision that looked at the samples it is about would show most.
 fn samples_by_error_leave_every_pixel_unbiased<A: Accel>() {
     for (name, target) in [("glass", 0.3), ("spheres", 0.25)] {
-        let prepared = prepare::<A>(name, [40, 30]);
+        let prepared = scene_of_repository::<A>(name, [40, 30]);
         let runs: Vec<Film> = (0..64)
             .into_par_iter()
             .map(|seed| film(&prepared, seed, 4096, bounded(target, 4)).0)
@@ -76,7 +62,7 @@ fn samples_by_error_leave_every_pixel_unbiased<A: Accel>() {
 }
 
 fn samples_by_error_reach_the_target_with_fewer_paths<A: Accel>() {
-    let prepared = prepare::<A>("cornell", [64, 48]);
+    let prepared = scene_of_repository::<A>("cornell", [64, 48]);
     let target = 0.04;
     let (adaptive, paths) = film(&prepared, 3, 4096, bounded(target, 16));
     let reached = estimate(&adaptive).unwrap().relative_rmse().value;

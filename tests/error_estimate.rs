@@ -4,43 +4,31 @@ mod support;
 
 use embrace::accel::Accel;
 use embrace::error::{ErrorEstimate, Interval, estimate};
-use embrace::film::Rect;
+use embrace::film::{Film, Rect};
 use embrace::integrator::Settings;
+use embrace::math::Rgb;
 use embrace::render::{ErrorControl, Job, render};
-use embrace::scene::{LoadOptions, SceneOptions, load};
+use embrace::sampling::SamplerKind;
 use rayon::prelude::*;
-use std::path::Path;
-use support::{Prepared, for_each_backend};
+use support::{Prepared, Random, scene_of_repository};
 
-for_each_backend! { but not brute:
-    the_true_error_lies_in_the_interval_as_often_as_stated
-}
+#[cfg(feature = "embree")]
+type Backend = embrace::accel::embree::Embree;
+#[cfg(not(feature = "embree"))]
+type Backend = embrace::accel::obvhs::Obvhs;
 
 const SEEDS: u64 = 100;
 
-/// A scene of the repository, at this size.
-fn prepare<A: Accel>(name: &str, resolution: [u32; 2]) -> Prepared<A> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}/{name}.toml"));
-    let mut desc = load(&path, LoadOptions::default()).unwrap();
-    desc.camera.resolution = resolution;
-    Prepared::new(
-        desc,
-        SceneOptions {
-            mis: true,
-            ..SceneOptions::default()
-        },
-    )
-}
-
 /// The mean of every pixel, and the estimate of the error.
-fn run<A: Accel>(prepared: &Prepared<A>, seed: u64, spp: u32, error: ErrorControl) -> (Vec<[f64; 3]>, ErrorEstimate) {
+fn run<A: Accel>(prepared: &Prepared<A>, sampler: SamplerKind, seed: u64, spp: u32) -> (Vec<[f64; 3]>, ErrorEstimate) {
     let [x1, y1] = prepared.scene.camera.resolution();
     let job = Job {
         crop: Rect { x0: 0, y0: 0, x1, y1 },
         spp,
-        error,
+        error: ErrorControl::Ignored,
         settings: Settings {
             seed,
+            sampler,
             ..Settings::default()
         },
     };
@@ -49,70 +37,147 @@ fn run<A: Accel>(prepared: &Prepared<A>, seed: u64, spp: u32, error: ErrorContro
     (film.means(), estimate)
 }
 
-fn the_true_error_lies_in_the_interval_as_often_as_stated<A: Accel>() {
-    let spps: Vec<u32> = std::env::var("SPPS")
-        .unwrap_or("16".into())
-        .split(',')
-        .map(|s| s.parse().unwrap())
-        .collect();
-    let names = std::env::var("NAMES").unwrap_or("cornell,glass,many-lights,spheres,veach-mis,furnace".into());
-    for name in names.split(',') {
-        for &spp in &spps {
-            let prepared = prepare::<A>(name, [80, 60]);
-            let runs: Vec<_> = (0..SEEDS)
-                .into_par_iter()
-                .map(|seed| run(&prepared, seed, spp, ErrorControl::Ignored))
-                .collect();
-            let n = runs.len() as f64;
-            let pixels = runs[0].0.len();
-            let mean: Vec<[f64; 3]> = (0..pixels)
-                .map(|i| [0, 1, 2].map(|c| runs.iter().map(|r| r.0[i][c]).sum::<f64>() / n))
-                .collect();
-            // The reference is the mean of all runs: the error against it is smaller by (n - 1) / n on average.
-            for (what, weight, of) in [
-                (
-                    "relmse",
-                    (|m: f64| 1.0 / (m * m + 0.01)) as fn(f64) -> f64,
-                    (|e: &ErrorEstimate| e.relmse) as fn(&ErrorEstimate) -> Interval,
-                ),
-                ("mse", |_| 1.0, |e| e.mse),
-            ] {
-                let errors: Vec<f64> = runs
-                    .iter()
-                    .map(|(image, _)| {
-                        let sum: f64 = image
-                            .iter()
-                            .zip(&mean)
-                            .map(|(a, m)| (0..3).map(|c| weight(m[c]) * (a[c] - m[c]).powi(2)).sum::<f64>())
-                            .sum();
-                        sum / (3 * pixels) as f64 * n / (n - 1.0)
-                    })
-                    .collect();
-                let inside = errors
-                    .iter()
-                    .zip(&runs)
-                    .filter(|(e, r)| (of(&r.1).low..=of(&r.1).high).contains(e))
-                    .count();
-                let below = errors.iter().zip(&runs).filter(|(e, r)| **e < of(&r.1).low).count();
-                let mean_error = errors.iter().sum::<f64>() / n;
-                let sd = (errors.iter().map(|e| (e - mean_error).powi(2)).sum::<f64>() / n).sqrt() / mean_error;
-                let mean_estimate = runs.iter().map(|r| of(&r.1).value).sum::<f64>() / n;
-                let sd_e = (runs
-                    .iter()
-                    .map(|r| (of(&r.1).value - mean_estimate).powi(2))
-                    .sum::<f64>()
-                    / n)
-                    .sqrt()
-                    / mean_estimate;
-                let mut widths: Vec<f64> = runs.iter().map(|r| of(&r.1).high / of(&r.1).value).collect();
-                widths.sort_by(f64::total_cmp);
-                println!(
-                    "{} {name} {spp} {what}: inside {inside} (true below {below}), mean error {mean_error:.3e} sd {sd:.3}, estimate/error {:.3} sd {sd_e:.3}, width {:.3}",
-                    A::NAME,
-                    mean_estimate / mean_error,
-                    widths[widths.len() / 2]
-                );
+/// Errors of many seeds: what they are, and what is said of them.
+struct Calibration {
+    /// How often the truth is inside the interval, of [`SEEDS`].
+    inside: usize,
+    /// Mean estimate over mean error.
+    ratio: f64,
+}
+
+/// Of squared errors with a weight of the true value. The mean of all runs stands for the truth: the error against it is
+/// smaller by (n - 1) / n.
+fn calibrate(
+    runs: &[(Vec<[f64; 3]>, ErrorEstimate)],
+    weight: impl Fn(f64) -> f64,
+    interval: impl Fn(&ErrorEstimate) -> Interval,
+) -> Calibration {
+    let n = runs.len() as f64;
+    let pixels = runs[0].0.len();
+    let truth = |i: usize, c: usize| runs.iter().map(|(image, _)| image[i][c]).sum::<f64>() / n;
+    let truth: Vec<[f64; 3]> = (0..pixels).map(|i| [0, 1, 2].map(|c| truth(i, c))).collect();
+    let error = |image: &[[f64; 3]]| {
+        let square = |c: usize, a: &[f64; 3], m: &[f64; 3]| weight(m[c]) * (a[c] - m[c]).powi(2);
+        let pixel = |(a, m): (&[f64; 3], &[f64; 3])| (0..3).map(|c| square(c, a, m)).sum::<f64>();
+        image.iter().zip(&truth).map(pixel).sum::<f64>() / (3 * pixels) as f64 * n / (n - 1.0)
+    };
+    let pairs: Vec<(f64, Interval)> = runs.iter().map(|(image, e)| (error(image), interval(e))).collect();
+    Calibration {
+        inside: pairs.iter().filter(|(e, i)| (i.low..=i.high).contains(e)).count(),
+        ratio: pairs.iter().map(|(_, i)| i.value).sum::<f64>() / pairs.iter().map(|(e, _)| e).sum::<f64>(),
+    }
+}
+
+#[test]
+fn the_true_error_lies_in_the_interval_as_often_as_stated() {
+    // Of 100 intervals that hold in 95 % of cases, fewer than 89 hold once in 250 cases. `veach-mis` is noisy by few samples
+    // that outshine all others, which no estimate knows of before they come.
+    for (name, least) in [
+        ("cornell", 89),
+        ("spheres", 89),
+        ("glass", 89),
+        ("many-lights", 89),
+        ("veach-mis", 85),
+    ] {
+        let prepared = scene_of_repository::<Backend>(name, [80, 60]);
+        let runs: Vec<_> = (0..SEEDS)
+            .into_par_iter()
+            .map(|seed| run(&prepared, SamplerKind::Sobol, seed, 16))
+            .collect();
+        let absolute = calibrate(&runs, |_| 1.0, |e| e.mse);
+        let relative = calibrate(&runs, |m| 1.0 / (m * m + 0.01), |e| e.relmse);
+        println!(
+            "{name}: RMSE inside {} of {SEEDS}, mean square {:.3} of the true one; relative inside {}, {:.3}",
+            absolute.inside, absolute.ratio, relative.inside, relative.ratio
+        );
+        assert!(absolute.inside >= least, "{name}: {} of {SEEDS}", absolute.inside);
+        assert!(relative.inside >= least, "{name}: {} of {SEEDS}", relative.inside);
+    }
+}
+
+#[test]
+fn samples_in_one_sequence_would_hide_their_error() {
+    // Why the halves are independent: the difference of halves of one sequence says something else.
+    let prepared = scene_of_repository::<Backend>("cornell", [64, 48]);
+    let ratio = |sampler| {
+        let runs: Vec<_> = (0..SEEDS)
+            .into_par_iter()
+            .map(|seed| run(&prepared, sampler, seed, 16))
+            .collect();
+        calibrate(&runs, |_| 1.0, |e| e.mse).ratio
+    };
+    let (halves, independent, whole) = (
+        ratio(SamplerKind::Sobol),
+        ratio(SamplerKind::Independent),
+        ratio(SamplerKind::SobolWhole),
+    );
+    println!("estimated over true: {halves:.3} in halves, {independent:.3} independent, {whole:.3} in one sequence");
+    assert!((halves - 1.0).abs() < 0.15 && (independent - 1.0).abs() < 0.15);
+    assert!((whole - 1.0).abs() > 0.3);
+}
+
+#[test]
+fn the_error_of_normal_samples_is_estimated_without_bias() {
+    // 64 x 64 pixels of mean 1 and standard deviation 0.5, 5 and 16 samples each: an odd number has unequal halves.
+    let rect = Rect {
+        x0: 0,
+        y0: 0,
+        x1: 64,
+        y1: 64,
+    };
+    for samples in [5, 16] {
+        let mut random = Random(3);
+        let mut film = Film::new(rect);
+        let mut true_error = 0.0;
+        for tile in film.tiles_mut() {
+            let rect = tile.rect;
+            for (x, y) in rect.coordinates() {
+                let mut sum = 0.0;
+                for _ in 0..samples {
+                    // Twelve uniform numbers: variance 1.
+                    let normal = (0..12).map(|_| f64::from(random.unit())).sum::<f64>() - 6.0;
+                    let value = (1.0 + 0.5 * normal) as f32;
+                    tile.add(x, y, Rgb::splat(value));
+                    sum += f64::from(value);
+                }
+                true_error += (sum / f64::from(samples) - 1.0).powi(2) / 4096.0;
             }
         }
+        let error = estimate(&film).unwrap();
+        let expected = 0.25 / f64::from(samples);
+        // 4096 squares of normal numbers: 2.2 % of standard error; four of them.
+        assert!(
+            (error.mse.value / expected - 1.0).abs() < 0.09,
+            "{samples}: {:?}",
+            error.mse
+        );
+        assert!((error.mse.low..error.mse.high).contains(&true_error));
+        assert!(
+            (error.relmse.value * 1.01 / expected - 1.0).abs() < 0.15,
+            "{samples}: {:?}",
+            error.relmse
+        );
+        assert!(error.mse.high / error.mse.low < 1.3, "{:?}", error.mse);
     }
+}
+
+#[test]
+fn an_image_without_noise_has_no_error_and_one_sample_says_nothing() {
+    let rect = Rect {
+        x0: 0,
+        y0: 0,
+        x1: 3,
+        y1: 3,
+    };
+    let film = |samples: u32| {
+        let mut film = Film::new(rect);
+        let tile = &mut film.tiles_mut()[0];
+        for (x, y) in rect.coordinates() {
+            (0..samples).for_each(|_| tile.add(x, y, Rgb::splat(0.25)));
+        }
+        film
+    };
+    let error = estimate(&film(8)).unwrap();
+    assert_eq!((error.mse.value, error.mse.high, error.relmse.value), (0.0, 0.0, 0.0));
+    assert!(estimate(&film(1)).is_none() && estimate(&film(0)).is_none());
 }

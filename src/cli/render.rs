@@ -113,7 +113,7 @@ fn run_on<A: Accel>(
     interrupt.keep_image();
     let clock = budget.start(crop.pixels(), targets.len());
     let start_cpu = process_seconds();
-    let (film, report) = watched(args, interrupt, &clock, &write, |watch| {
+    let (film, report) = watched(args, interrupt, &clock, write, |watch| {
         render_watched(&scene, &accel, kernel, &job, watch)
     });
     let (render_seconds, render_cpu_seconds) = (clock.elapsed().as_secs_f64(), process_seconds() - start_cpu);

@@ -27,6 +27,8 @@ pub struct Batch {
     /// 10,000 bounces.
     pub(super) samples: Vec<SampleId>,
     pub(super) radiance: Vec<DVec3>,
+    /// Whether the camera ray met light.
+    sees_light: Vec<bool>,
     /// What camera rays meet; and the rays of a block of pixels, what they meet.
     pub(super) camera_hits: Vec<Option<Hit>>,
     pub(super) block_rays: Vec<Ray>,
@@ -50,10 +52,23 @@ impl Batch {
         !self.samples.is_empty()
     }
 
-    /// The samples and their radiance [W·m⁻²·sr⁻¹], once a kernel has computed them.
-    pub fn results(&self) -> impl Iterator<Item = (SampleId, Rgb)> {
+    /// Keeps which samples have light before anything has scattered.
+    pub(super) fn note_seen_light(&mut self) {
+        self.sees_light.clear();
+        self.sees_light
+            .extend(self.radiance.iter().map(|light| *light != DVec3::ZERO));
+    }
+
+    /// The samples and their radiance [W·m⁻²·sr⁻¹], once a kernel has computed them, and whether the camera ray met an emitter
+    /// or the environment.
+    pub fn results(&self) -> impl Iterator<Item = (SampleId, Rgb, bool)> {
         let radiance = self.radiance.iter().map(|sum| Rgb::from(sum.to_array()));
-        self.samples.iter().copied().zip(radiance)
+        let lights = radiance.zip(self.sees_light.iter().copied());
+        self.samples
+            .iter()
+            .copied()
+            .zip(lights)
+            .map(|(id, (radiance, sees))| (id, radiance, sees))
     }
 }
 

@@ -50,6 +50,9 @@ impl<A: Accel> PathTracer<'_, A> {
         for depth in 0.. {
             self.advance(depth, batch);
             (self.kernel.scatter)(self.scene, self.settings, depth, batch);
+            if depth == 0 {
+                batch.note_seen_light();
+            }
             counts.bounce += batch.alive.len() as u64;
             counts.shadow += batch.shadow_rays.len() as u64;
             self.add_unoccluded(batch);

@@ -14,7 +14,7 @@ pub(crate) fn trace<A: Accel>(stage: &Stage, settings: &Settings, paths: u32) ->
         let mut counts = RayCounts::default();
         assert!(batch.fill(&mut [SampleId { sample, y: 0, x: 0 }].into_iter()));
         kernel.trace(&scene, &accel, settings, &mut batch, &mut counts);
-        let (_, radiance) = batch.results().next().expect("one path");
+        let (_, radiance, _) = batch.results().next().expect("one path");
         (counts, radiance)
     };
     (0..paths).map(path).collect()

@@ -25,7 +25,7 @@ use embrace::material::{Material, Scattering, Spectrum};
 use embrace::math::{DAffine3, DVec3, Rgb, Vec2, Vec3};
 use embrace::mesh::TriangleMesh;
 use embrace::render::{ErrorControl, Job, render};
-use embrace::scene::{EnvironmentDesc, ObjectDesc, Scene, SceneDesc, SceneOptions};
+use embrace::scene::{EnvironmentDesc, LoadOptions, ObjectDesc, Scene, SceneDesc, SceneOptions, load};
 use rayon::prelude::*;
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 use std::ops::Range;
@@ -367,6 +367,18 @@ impl<A: Accel> Prepared<A> {
     pub(crate) fn mean(&self, settings: &Settings, spp: u32, seeds: Range<u64>) -> Estimate {
         self.replicate(settings, spp, seeds).overall
     }
+}
+
+/// A scene of the repository, at this size, to be rendered with multiple importance sampling.
+pub(crate) fn scene_of_repository<A: Accel>(name: &str, resolution: [u32; 2]) -> Prepared<A> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}/{name}.toml"));
+    let mut desc = load(&path, LoadOptions::default()).expect("the scenes of the repository load");
+    desc.camera.resolution = resolution;
+    let options = SceneOptions {
+        mis: true,
+        ..SceneOptions::default()
+    };
+    Prepared::new(desc, options)
 }
 
 /// The probability with which a test may fail although nothing is wrong.

@@ -29,7 +29,7 @@ pub(super) fn path<A: Accel>(scene: &Scene, accel: &Recorder<A>, settings: &Sett
     let mut batch = Batch::default();
     assert!(batch.fill(&mut [id].into_iter()));
     kernel.trace(scene, accel, settings, &mut batch, &mut RayCounts::default());
-    let (_, radiance) = batch.results().next().expect("the sample asked for");
+    let (_, radiance, _) = batch.results().next().expect("the sample asked for");
 
     let [x1, y1] = scene.camera.resolution();
     let block = Rect::block(id.x, id.y).intersection(Rect { x0: 0, y0: 0, x1, y1 });
