@@ -19,6 +19,7 @@ pub mod mesh;
 pub mod render;
 pub mod sampling;
 pub mod scene;
+pub mod study;
 pub mod texture;
 
 #[cfg(not(any(feature = "embree", feature = "obvhs")))]

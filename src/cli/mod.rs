@@ -22,6 +22,7 @@ mod progress;
 mod progress_image;
 mod render;
 mod stats;
+mod study;
 mod tools;
 
 /// Name and version, as written into images.
@@ -49,6 +50,8 @@ enum Command {
     Compare(CompareArgs),
     /// Convert an EXR to an sRGB PNG
     Tonemap(TonemapArgs),
+    /// Render a scene over a ladder of settings, and report what each costs and brings
+    Study(study::StudyArgs),
 }
 
 /// Where the triangles are traced.
@@ -481,6 +484,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Info(args) => info::run(args).map(|()| 0),
         Command::Compare(args) => tools::compare(args).map(|()| 0),
         Command::Tonemap(args) => tools::tonemap(args).map(|()| 0),
+        Command::Study(args) => study::run(args),
     };
     match result {
         Ok(code) => ExitCode::from(code),

@@ -22,11 +22,26 @@ pub(super) enum Progress {
 impl Progress {
     /// For camera paths.
     pub(super) fn new(quiet: bool) -> Progress {
+        Progress::with_template(quiet, "{bar:32} {percent:>3}%  {per_sec}  {elapsed} gone, {eta} left")
+    }
+
+    /// For steps that take unequally long.
+    pub(super) fn steps(quiet: bool) -> Progress {
+        Progress::with_template(quiet, "{bar:32} {percent:>3}%  {elapsed} gone  {msg}")
+    }
+
+    /// What is being done, beside the bar.
+    pub(super) fn describe(&self, what: impl FnOnce() -> String) {
+        if let Progress::Bar(bar) = self {
+            bar.set_message(what());
+        }
+    }
+
+    fn with_template(quiet: bool, template: &str) -> Progress {
         if quiet {
             Progress::Quiet
         } else if std::io::stderr().is_terminal() {
             let bar = ProgressBar::new(1);
-            let template = "{bar:32} {percent:>3}%  {per_sec}  {elapsed} gone, {eta} left";
             if let Ok(style) = ProgressStyle::with_template(template) {
                 bar.set_style(style.with_key(
                     "per_sec",
