@@ -103,7 +103,7 @@ impl<A: Accel> Renderer for Ready<A> {
         while batch.fill(&mut ids) {
             self.kernel
                 .trace(&self.scene, &self.accel, settings, &mut batch, &mut counts);
-            batch.results().for_each(|(_, radiance)| take(radiance));
+            batch.results().for_each(|(_, radiance, _)| take(radiance));
         }
     }
 }
