@@ -42,6 +42,9 @@ pub struct Choice {
     pub cumulative_build_ns: f64,
     /// Lines of the cache that a draw touches: alias, binary search, linear scan.
     pub lines: [f64; 3],
+    /// Cache misses of a draw as the processor counts them, in the same order; `None` where the system does not tell, and for
+    /// what was left out.
+    pub misses: [Option<f64>; 3],
 }
 
 /// What a table of so many entries needs while it is built (bytes).
@@ -89,6 +92,11 @@ pub fn measure(entries: u64) -> Choice {
         times.sort_unstable_by(f64::total_cmp);
         times.get(times.len() / 2).copied()
     });
+    let misses = [
+        misses(&by_alias, draws[0]),
+        misses(&by_binary_search, draws[1]),
+        scans.then(|| misses(&by_scan, draws[2])).flatten(),
+    ];
     let per_line = (LINE / 8) as f64;
     Choice {
         entries,
@@ -104,6 +112,7 @@ pub fn measure(entries: u64) -> Choice {
             (n as f64 / per_line).log2().max(0.0) + 1.0,
             (n as f64 / 2.0 / per_line).max(1.0),
         ],
+        misses,
     }
 }
 
@@ -145,6 +154,24 @@ fn nanoseconds(draw: &impl Fn(u64) -> usize, draws: u64, round: u64) -> f64 {
         black_box(sum)
     });
     seconds * 1e9 / draws as f64
+}
+
+/// Cache misses of one of many draws.
+#[cfg(target_os = "linux")]
+fn misses(draw: &impl Fn(u64) -> usize, draws: u64) -> Option<f64> {
+    use perf_event::Builder;
+    use perf_event::events::Hardware;
+    let mut counter = Builder::new(Hardware::CACHE_MISSES).build().ok()?;
+    counter.enable().ok()?;
+    nanoseconds(draw, draws, ROUNDS as u64);
+    counter.disable().ok()?;
+    Some(counter.read().ok()? as f64 / draws as f64)
+}
+
+/// Cache misses of one of many draws: only Linux is asked.
+#[cfg(not(target_os = "linux"))]
+fn misses(_: &impl Fn(u64) -> usize, _: u64) -> Option<f64> {
+    None
 }
 
 /// In [0, 1).

@@ -104,13 +104,14 @@ pub(super) fn choices(study: &Study) -> Markup {
             }
         })
         .collect();
+    let counts_misses = study.choices.iter().any(|c| c.misses.iter().any(Option::is_some));
     html! {
         h2 { "Drawing by weight: alias method, binary search, linear scan" }
         p {
             "Time of a draw from tables as of an environment map with a sun, independent draws one after another, random numbers "
             "included; medians of five. Lines are the 64-byte lines of the cache that a draw touches: once a table no longer fits "
-            "into a cache, each is likely to be a miss, except in the first steps of a binary search. Cache misses as the processor "
-            "counts them are not available here: few systems let a program read them."
+            "into a cache, each is likely to be a miss, except in the first steps of a binary search. "
+            @if !counts_misses { "This system does not let a program count the misses themselves." }
         }
         ul.legend {
             @for (i, series) in series.iter().enumerate() {
@@ -124,6 +125,7 @@ pub(super) fn choices(study: &Study) -> Markup {
                 thead { tr {
                     th { "entries" } th { "table" } th { "fits into" } th { "alias [ns]" } th { "binary [ns]" } th { "linear [ns]" }
                     th { "lines: alias" } th { "lines: binary" } th { "lines: linear" }
+                    @if counts_misses { th { "misses: alias" } th { "misses: binary" } th { "misses: linear" } }
                     th { "build alias [ns per entry]" } th { "build cumulative [ns per entry]" }
                 } }
                 tbody {
@@ -136,6 +138,7 @@ pub(super) fn choices(study: &Study) -> Markup {
                             td { (number(c.binary_ns)) }
                             td { (c.linear_ns.map_or("too long".into(), number)) }
                             @for lines in c.lines { td { (number(lines)) } }
+                            @if counts_misses { @for misses in c.misses { td { (misses.map_or("–".into(), number)) } } }
                             td { (number(c.alias_build_ns)) }
                             td { (number(c.cumulative_build_ns)) }
                         }
