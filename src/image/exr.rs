@@ -3,14 +3,19 @@
 mod read;
 mod write;
 
-pub use read::read;
-pub use write::{ExrMetadata, write};
+pub use read::{read, read_layer};
+pub use write::{ExrMetadata, Layer, write, write_layers};
 
 use exr::meta::magic_number;
 
 /// True if the content begins like an OpenEXR file.
 pub fn is_exr(bytes: &[u8]) -> bool {
     bytes.starts_with(&magic_number::BYTES)
+}
+
+/// The full name of a channel of a layer.
+fn channel_name(layer: &str, channel: &str) -> String {
+    format!("{layer}.{channel}")
 }
 
 #[cfg(test)]
@@ -25,9 +30,7 @@ mod tests {
     use exr::meta::MetaData;
     use exr::meta::attribute::{AttributeValue, IntegerBounds, LineOrder, SampleType, Text};
     use exr::meta::header::ImageAttributes;
-    use exr::prelude::{
-        AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples, Layer, LayerAttributes, WritableImage, f16,
-    };
+    use exr::prelude::{AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples, LayerAttributes, WritableImage, f16};
     use std::io::Cursor;
     use std::path::Path;
 
@@ -63,7 +66,7 @@ mod tests {
         encoding: Encoding,
         samples: SampleType,
         names: &[(&str, u32)],
-    ) -> Layer<AnyChannels<FlatSamples>> {
+    ) -> exr::prelude::Layer<AnyChannels<FlatSamples>> {
         let channels = names.iter().map(|&(name, channel)| {
             let values = (0..width * height).map(|i| value(i % width, i / width, channel));
             let samples = match samples {
@@ -74,7 +77,7 @@ mod tests {
             AnyChannel::new(name, samples)
         });
         let attributes = LayerAttributes::named("layer").with_position(Vec2(-5, 7));
-        Layer::new(
+        exr::prelude::Layer::new(
             (width as usize, height as usize),
             attributes,
             encoding,
@@ -82,7 +85,7 @@ mod tests {
         )
     }
 
-    fn encode(layers: impl IntoIterator<Item = Layer<AnyChannels<FlatSamples>>>) -> Vec<u8> {
+    fn encode(layers: impl IntoIterator<Item = exr::prelude::Layer<AnyChannels<FlatSamples>>>) -> Vec<u8> {
         let mut bytes = Cursor::new(Vec::new());
         exr::prelude::Image::from_layers(
             ImageAttributes::new(IntegerBounds::from_dimensions((3, 3))),
@@ -174,6 +177,77 @@ mod tests {
         for _ in 0..20 {
             assert_eq!(written(&picture(5, 20), &metadata), bytes);
         }
+    }
+
+    /// Three layers of `picture`, with values that an image would not have.
+    fn layers(width: u32, height: u32) -> [Layer; 3] {
+        let values = |channels: u32| {
+            let pixels = (0..width * height).flat_map(|i| (0..channels).map(move |c| (i, c)));
+            pixels
+                .map(|(i, c)| -value(i % width, i / width, 7 + c))
+                .collect::<Vec<f32>>()
+        };
+        let mut depth = values(1);
+        depth[0] = f32::INFINITY;
+        [
+            ("normal", &["X", "Y", "Z"] as &[&str], values(3)),
+            ("depth", &["Z"], depth),
+            ("albedo", &["R", "G", "B"], values(3)),
+        ]
+        .map(|(name, channels, values)| Layer { name, channels, values })
+    }
+
+    fn written_with_layers(width: u32, height: u32) -> Vec<u8> {
+        let (mut bytes, metadata) = (Vec::new(), ExrMetadata::default());
+        write_layers(
+            &mut bytes,
+            &picture(width, height),
+            &layers(width, height),
+            &metadata,
+            path(),
+        )
+        .unwrap();
+        bytes
+    }
+
+    #[test]
+    fn layers_are_read_back_exactly_by_name_and_the_colours_are_those_of_the_image() {
+        let (width, height) = (37, 41);
+        let bytes = written_with_layers(width, height);
+        assert_eq!(read_picture(&bytes).unwrap(), picture(width, height));
+        let [normal, depth, albedo] = layers(width, height);
+        for (layer, channels) in [(normal, ["X", "Y", "Z"]), (albedo, ["R", "G", "B"])] {
+            let read = read_layer(&bytes, path(), layer.name, channels).unwrap();
+            assert_eq!((read.width, read.height), (width, height));
+            assert_eq!(read.pixels.into_flattened(), layer.values, "{}", layer.name);
+        }
+        let read = read_layer(&bytes, path(), "depth", ["Z"]).unwrap();
+        assert_eq!(read.pixels.into_flattened(), depth.values);
+        let swapped = read_layer(&bytes, path(), "normal", ["Z", "X"]).unwrap();
+        let [x, _, z] = read_layer(&bytes, path(), "normal", ["X", "Y", "Z"]).unwrap().pixels[5];
+        assert_eq!(swapped.pixels[5], [z, x]);
+        for (name, channel) in [("albedo", "X"), ("variance", "R"), ("", "R")] {
+            let error = read_layer(&bytes, path(), name, [channel]).unwrap_err().to_string();
+            assert!(error.contains(&format!("and not {name}.{channel}; ")), "{error}");
+        }
+    }
+
+    #[test]
+    fn the_channels_are_the_colours_alone_unless_there_are_layers() {
+        let names = |bytes: &[u8]| -> Vec<String> {
+            let meta = MetaData::read_from_buffered(bytes, true).unwrap();
+            let channels = meta.headers[0].channels.list.iter();
+            channels.map(|c| format!("{} {:?}", c.name, c.sample_type)).collect()
+        };
+        let bytes = written(&picture(5, 20), &ExrMetadata::default());
+        assert_eq!(names(&bytes), ["B F32", "G F32", "R F32"]);
+        let all = [
+            "B", "G", "R", "albedo.B", "albedo.G", "albedo.R", "depth.Z", "normal.X", "normal.Y", "normal.Z",
+        ];
+        assert_eq!(
+            names(&written_with_layers(5, 20)),
+            all.map(|name| format!("{name} F32"))
+        );
     }
 
     #[test]
@@ -278,6 +352,9 @@ mod tests {
     fn cut_files_are_errors() {
         assert_cuts_are_errors(&written(&picture(40, 70), &ExrMetadata::default()), read_picture);
         let tiles = encoding(Compression::PIZ, Blocks::Tiles(Vec2(16, 16)));
+        assert_cuts_are_errors(&written_with_layers(20, 40), |bytes| {
+            read_layer(bytes, path(), "albedo", ["R", "G", "B"])
+        });
         assert_cuts_are_errors(&encode([layer((40, 70), tiles, SampleType::F16, &RGB)]), read_picture);
     }
 
@@ -317,6 +394,10 @@ mod tests {
                     let _ = read_picture(&damage(&bytes, seed));
                 }
             }
+        }
+        let bytes = written_with_layers(20, 40);
+        for seed in 0..400 {
+            let _ = read_layer(&damage(&bytes, seed), path(), "normal", ["X", "Y", "Z"]);
         }
     }
 

@@ -34,8 +34,9 @@ const MAX_EXPANSION: u64 = 1032 * 4 / 3;
 /// The same for DWA, which makes two halves of 64 values, at most, and then compresses these.
 const DWA_EXPANSION: u64 = 1032 * 64;
 
-/// Decodes the first layer that has channels `R`, `G` and `B`, or `Y` alone, which is read as grey. Names may have a
-/// prefix (`view.R`). Values are as stored, thus possibly negative, infinite or NaN; other channels are skipped.
+/// Decodes the colours of the first part that has channels `R`, `G` and `B`, or `Y` alone, which is read as grey. If there
+/// are none of just these names, those with a prefix serve (`view.R`). Values are as stored, thus possibly negative, infinite
+/// or NaN; other channels are skipped.
 ///
 /// Samples may be of any type, in scan lines or tiles, under any compression of the crate `exr`. The image is the data
 /// window; the display window does not matter. `path` is for messages only. Decompression runs on the current thread
@@ -44,18 +45,57 @@ const DWA_EXPANSION: u64 = 1032 * 64;
 /// # Errors
 /// [`ImageError`]: damaged or incomplete content, a size out of range, no colour channels, deep or subsampled data.
 pub fn read(bytes: &[u8], path: &Path) -> Result<Image<Rgb>, ImageError> {
-    guarded(path, FORMAT, || decode(bytes, path))
+    let missing = |headers: &[Header]| ImageError::Unsupported {
+        path: path.to_owned(),
+        found: format!("channels {}", channel_names(headers)),
+        expected: "channels R, G and B, or Y alone",
+    };
+    let image = guarded(path, FORMAT, || decode(bytes, path, colour_channels, missing))?;
+    Ok(Image {
+        width: image.width,
+        height: image.height,
+        pixels: image.pixels.into_iter().map(Rgb::from).collect(),
+    })
 }
 
-fn decode(bytes: &[u8], path: &Path) -> Result<Image<Rgb>, ImageError> {
+/// Decodes the channels `layer.channel` of the first part that has them all, in the order given; everything else is as for
+/// [`read`].
+///
+/// # Errors
+/// [`ImageError`], as for [`read`]; also if the file has no such layer.
+pub fn read_layer<const N: usize>(
+    bytes: &[u8],
+    path: &Path,
+    layer: &str,
+    channels: [&str; N],
+) -> Result<Image<[f32; N]>, ImageError> {
+    let names = channels.map(|channel| super::channel_name(layer, channel));
+    let find = |list: &ChannelList| {
+        let found = names.iter().map(|name| list.list.iter().position(|c| c.name.eq(name)));
+        found.collect::<Option<Vec<usize>>>()?.try_into().ok()
+    };
+    let missing = |headers: &[Header]| ImageError::Unsupported {
+        path: path.to_owned(),
+        found: format!("channels {}, and not {}", channel_names(headers), names.join(", ")),
+        expected: "a file with this layer",
+    };
+    guarded(path, FORMAT, || decode(bytes, path, find, missing))
+}
+
+/// Decodes the channels that `find` chooses in the first part where it finds them.
+fn decode<const N: usize>(
+    bytes: &[u8],
+    path: &Path,
+    find: impl Fn(&ChannelList) -> Option<[usize; N]>,
+    missing: impl FnOnce(&[Header]) -> ImageError,
+) -> Result<Image<[f32; N]>, ImageError> {
     let failed = |error| decode_error(path, error);
     let reader = exr::block::read(Cursor::new(bytes), false).map_err(failed)?;
     let meta = reader.meta_data().clone();
-    let (layer, channels) = colour_layer(&meta.headers).ok_or_else(|| ImageError::Unsupported {
-        path: path.to_owned(),
-        found: format!("channels {}", channel_names(&meta.headers)),
-        expected: "channels R, G and B, or Y alone",
-    })?;
+    let mut parts = meta.headers.iter().enumerate();
+    let (layer, channels) = parts
+        .find_map(|(layer, header)| Some((layer, find(&header.channels)?)))
+        .ok_or_else(|| missing(&meta.headers))?;
     let header = &meta.headers[layer];
     let (width, height) = check_header(path, header)?;
     // Each block has an offset of 8 bytes in the file; more blocks than fit need no list in memory.
@@ -94,7 +134,7 @@ fn decode(bytes: &[u8], path: &Path) -> Result<Image<Rgb>, ImageError> {
             .map_err(failed)?;
         // Not earlier, so that a file without a single good block allocates nothing.
         if image.pixels.is_empty() {
-            image.pixels = vec![Rgb::BLACK; width as usize * height as usize];
+            image.pixels = vec![[0.0; N]; width as usize * height as usize];
         }
         for block in &blocks {
             let index = block.index;
@@ -116,7 +156,12 @@ fn decode(bytes: &[u8], path: &Path) -> Result<Image<Rgb>, ImageError> {
 }
 
 /// Copies the wanted channels of a block to the image; `None` if it does not lie inside.
-fn place(block: &UncompressedBlock, list: &ChannelList, channels: [usize; 3], image: &mut Image<Rgb>) -> Option<()> {
+fn place<const N: usize>(
+    block: &UncompressedBlock,
+    list: &ChannelList,
+    channels: [usize; N],
+    image: &mut Image<[f32; N]>,
+) -> Option<()> {
     let width = image.width as usize;
     for line in block.lines(list) {
         let Vec2(x, y) = line.location.position;
@@ -130,11 +175,7 @@ fn place(block: &UncompressedBlock, list: &ChannelList, channels: [usize; 3], im
             .enumerate()
             .filter(|(_, c)| **c == line.location.channel)
         {
-            let set = |(pixel, value): (&mut Rgb, f32)| match component {
-                0 => pixel.r = value,
-                1 => pixel.g = value,
-                _ => pixel.b = value,
-            };
+            let set = |(pixel, value): (&mut [f32; N], f32)| pixel[component] = value;
             match list.list[line.location.channel].sample_type {
                 SampleType::F16 => row
                     .iter_mut()
@@ -154,14 +195,7 @@ fn place(block: &UncompressedBlock, list: &ChannelList, channels: [usize; 3], im
     Some(())
 }
 
-/// The first layer with colours, and the indices of its red, green and blue channels.
-fn colour_layer(headers: &[Header]) -> Option<(usize, [usize; 3])> {
-    headers
-        .iter()
-        .enumerate()
-        .find_map(|(layer, header)| Some((layer, colour_channels(&header.channels)?)))
-}
-
+/// The indices of the red, green and blue channels.
 fn colour_channels(channels: &ChannelList) -> Option<[usize; 3]> {
     let names: Vec<&[u8]> = channels.list.iter().map(|c| c.name.as_slice()).collect();
     let find = |prefix: &[u8], name: &[u8]| names.iter().position(|n| n.strip_prefix(prefix) == Some(name));

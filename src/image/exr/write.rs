@@ -12,6 +12,7 @@ use exr::meta::header::{Header, ImageAttributes};
 use exr::meta::{BlockDescription, MetaData, magic_number, sequence_end};
 use rayon::prelude::*;
 use std::io::Write;
+use std::ops::Range;
 use std::path::Path;
 
 /// ITU-R BT.709 primaries and the D65 white point, CIE 1931 xy.
@@ -43,6 +44,17 @@ pub struct ExrMetadata {
     pub offset: [u32; 2],
 }
 
+/// Named values of every pixel beside its colour.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layer {
+    /// The part of the channels' names before the dot.
+    pub name: &'static str,
+    /// The part after it.
+    pub channels: &'static [&'static str],
+    /// Row by row, the channels of a pixel side by side.
+    pub values: Vec<f32>,
+}
+
 /// Encodes an image: RGB, 32-bit float, ZIP compression in blocks of 16 lines, Rec. 709 chromaticities. The same image
 /// and metadata give the same bytes. Compression runs on the current thread pool; the compressed image is held in
 /// memory. `path` is for messages only.
@@ -50,9 +62,22 @@ pub struct ExrMetadata {
 /// # Errors
 /// [`ImageError::Write`] if the writer fails, [`ImageError::Size`] if the image has no pixels or its windows are
 /// beyond the range of the format.
-pub fn write(
+pub fn write(writer: impl Write, image: &Image<Rgb>, metadata: &ExrMetadata, path: &Path) -> Result<(), ImageError> {
+    write_layers(writer, image, &[], metadata, path)
+}
+
+/// The same with further channels `name.channel` in the same part, which is what compositing programs and renderers read.
+/// 32-bit float all of them: programs that compute in float divide integer channels by 2³² - 1 on reading.
+///
+/// # Errors
+/// As for [`write()`].
+///
+/// # Panics
+/// If two channels have the same name, or a layer has another number of values than the image asks for.
+pub fn write_layers(
     mut writer: impl Write,
     image: &Image<Rgb>,
+    layers: &[Layer],
     metadata: &ExrMetadata,
     path: &Path,
 ) -> Result<(), ImageError> {
@@ -64,7 +89,8 @@ pub fn write(
             error => std::io::Error::other(error.to_string()),
         },
     };
-    let header = header(image, metadata).ok_or_else(|| {
+    let channels = Channel::of(image, layers);
+    let header = header(image, &channels, metadata).ok_or_else(|| {
         let [width, height] = metadata.display_size.unwrap_or(metadata.offset);
         ImageError::Size {
             path: path.to_owned(),
@@ -77,7 +103,7 @@ pub fn write(
         .into_par_iter()
         .map(|block| {
             let mut bytes = Vec::new();
-            block_of(image, block)
+            block_of(image, &channels, block)
                 .compress_to_chunk(headers)?
                 .write(&mut bytes, 1)?;
             Ok(bytes)
@@ -119,11 +145,12 @@ fn encode_head(header: &Header) -> exr::error::Result<Vec<u8>> {
 }
 
 /// `None` if the windows are beyond the range of the format.
-fn header(image: &Image<Rgb>, metadata: &ExrMetadata) -> Option<Header> {
-    // The format wants the channels in alphabetical order.
-    let channels = ["B", "G", "R"].map(|name| ChannelDescription::named(name, SampleType::F32));
+fn header(image: &Image<Rgb>, channels: &[Channel], metadata: &ExrMetadata) -> Option<Header> {
+    let channels = channels
+        .iter()
+        .map(|channel| ChannelDescription::named(channel.name.as_str(), SampleType::F32));
     let size = Vec2(image.width as usize, image.height as usize);
-    let mut header = Header::new(Text::from("rgb"), size, channels.into_iter().collect()).with_encoding(
+    let mut header = Header::new(Text::from("rgb"), size, channels.collect()).with_encoding(
         Compression::ZIP16,
         BlockDescription::ScanLines,
         LineOrder::Increasing,
@@ -167,16 +194,80 @@ fn text(value: &str) -> Text {
     Text::from_bytes_unchecked(latin.collect())
 }
 
+/// A channel, and where its values are.
+struct Channel<'a> {
+    name: String,
+    values: Values<'a>,
+}
+
+enum Values<'a> {
+    /// One of the channels of a colour.
+    Colour(&'a [Rgb], usize),
+    /// One of several numbers of a pixel side by side.
+    Layer(&'a Layer, usize),
+}
+
+impl<'a> Channel<'a> {
+    /// All channels in alphabetical order, as the format wants them.
+    fn of(image: &'a Image<Rgb>, layers: &'a [Layer]) -> Vec<Channel<'a>> {
+        let mut channels: Vec<Channel> = ["R", "G", "B"]
+            .iter()
+            .enumerate()
+            .map(|(i, name)| Channel {
+                name: (*name).to_owned(),
+                values: Values::Colour(&image.pixels, i),
+            })
+            .collect();
+        for layer in layers {
+            assert_eq!(
+                layer.values.len(),
+                image.pixels.len() * layer.channels.len(),
+                "values of layer {}",
+                layer.name
+            );
+            channels.extend(layer.channels.iter().enumerate().map(|(i, name)| Channel {
+                name: super::channel_name(layer.name, name),
+                values: Values::Layer(layer, i),
+            }));
+        }
+        channels.sort_by(|a, b| a.name.cmp(&b.name));
+        assert!(
+            channels.windows(2).all(|pair| pair[0].name != pair[1].name),
+            "two channels of the same name"
+        );
+        channels
+    }
+
+    /// Appends the values of some pixels.
+    fn append(&self, pixels: Range<usize>, bytes: &mut Vec<u8>) {
+        match self.values {
+            Values::Colour(colours, channel) => {
+                bytes.extend(colours[pixels].iter().flat_map(|colour| colour[channel].to_ne_bytes()));
+            }
+            Values::Layer(layer, channel) => {
+                let count = layer.channels.len();
+                let values = layer.values[pixels.start * count..pixels.end * count].iter();
+                bytes.extend(
+                    values
+                        .skip(channel)
+                        .step_by(count)
+                        .flat_map(|value| value.to_ne_bytes()),
+                );
+            }
+        }
+    }
+}
+
 /// The samples of a block of lines as the format orders them: line by line, channel by channel.
-fn block_of(image: &Image<Rgb>, block: usize) -> UncompressedBlock {
+fn block_of(image: &Image<Rgb>, channels: &[Channel], block: usize) -> UncompressedBlock {
     let (width, height) = (image.width as usize, image.height as usize);
     let lines = Compression::ZIP16.scan_lines_per_block();
     let first = block * lines;
     let rows = lines.min(height - first);
-    let mut data = Vec::with_capacity(rows * width * size_of::<[f32; 3]>());
-    for row in image.pixels[first * width..(first + rows) * width].chunks_exact(width) {
-        for channel in [2, 1, 0] {
-            data.extend(row.iter().flat_map(|pixel| pixel[channel].to_ne_bytes()));
+    let mut data = Vec::with_capacity(rows * width * channels.len() * size_of::<f32>());
+    for row in first..first + rows {
+        for channel in channels {
+            channel.append(row * width..(row + 1) * width, &mut data);
         }
     }
     UncompressedBlock {
