@@ -142,6 +142,11 @@ impl Camera {
             (through * self.focus_distance - offset).normalize(),
         )
     }
+
+    /// How far a point is from the lens along the view.
+    pub fn depth(&self, p: Vec3) -> f32 {
+        (p - self.origin).dot(self.forward)
+    }
 }
 
 /// Largest image side: past it, memory and not the format is the limit.

@@ -3,6 +3,7 @@
 
 pub mod accel;
 pub mod adaptive;
+pub mod aov;
 pub mod bsdf;
 pub mod camera;
 pub mod cli;

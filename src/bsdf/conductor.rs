@@ -70,7 +70,7 @@ impl Conductor {
 
     /// Unpolarised reflectance at an interface seen under the cosine `cos` from outside.
     #[inline]
-    fn fresnel(&self, cos: f32) -> Rgb {
+    pub(super) fn fresnel(&self, cos: f32) -> Rgb {
         let cos = cos.clamp(0.0, 1.0);
         let channel = |eta: f32, k: f32| fresnel_conductor(cos, eta, k);
         Rgb::new(

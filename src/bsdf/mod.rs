@@ -150,6 +150,18 @@ impl Bsdf {
         }
     }
 
+    /// The share of light along the normal that is scattered, reflected and transmitted together, each microfacet taken to
+    /// lie in the surface: what denoisers take for the colour of a surface.
+    pub fn albedo(&self) -> Rgb {
+        match self {
+            Bsdf::Diffuse(bsdf) => bsdf.reflectance,
+            Bsdf::Conductor(bsdf) => bsdf.fresnel(1.0),
+            Bsdf::Dielectric(_) => Rgb::WHITE,
+            Bsdf::Plastic(bsdf) => bsdf.albedo(),
+            Bsdf::Mirror(reflectance) => *reflectance,
+        }
+    }
+
     /// Whether all lobes are delta lobes, so that light sampling is pointless.
     #[inline]
     pub fn is_delta(&self) -> bool {
@@ -200,4 +212,54 @@ fn eta2_minus_sin2(eta: f32, cos: f32) -> f32 {
 #[inline]
 fn reflect_z(w: Vec3) -> Vec3 {
     Vec3::new(-w.x, -w.y, w.z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The midpoint rule over the random numbers of a sample; light is transmitted before it is scaled by the change of
+    /// solid angle.
+    #[test]
+    fn the_albedo_is_the_mean_weight_of_samples_at_normal_incidence() {
+        let rgb = Rgb::new(0.2, 0.5, 0.9);
+        let metal = |alpha| {
+            let (eta, k) = (Rgb::new(0.183, 0.421, 1.373), Rgb::new(3.424, 2.346, 1.770));
+            Bsdf::Conductor(Conductor { eta, k, alpha })
+        };
+        let glass = |eta, alpha| Bsdf::Dielectric(Dielectric { eta, alpha });
+        for bsdf in [
+            Bsdf::Diffuse(Diffuse { reflectance: rgb }),
+            metal(0.0),
+            metal(0.01),
+            glass(1.5, 0.0),
+            glass(1.0 / 1.5, 0.01),
+            Bsdf::Mirror(rgb),
+            Bsdf::Plastic(Plastic {
+                reflectance: rgb,
+                specular: Rgb::new(0.04, 0.3, 0.5),
+                alpha: PLASTIC_MIN_ALPHA,
+            }),
+        ] {
+            const LOBES: u32 = 256;
+            const SIDE: u32 = 64;
+            let middle = |i: u32, n: u32| (i as f32 + 0.5) / n as f32;
+            let mut sum = [0.0f64; 3];
+            for i in 0..LOBES * SIDE * SIDE {
+                let lobe = middle(i / (SIDE * SIDE), LOBES);
+                let u = [i / SIDE % SIDE, i % SIDE].map(|i| middle(i, SIDE));
+                if let Some(sample) = bsdf.sample(Vec3::Z, lobe, u) {
+                    let weight = sample.weight * sample.eta_squared;
+                    sum = [0, 1, 2].map(|c| sum[c] + f64::from(weight[c]));
+                }
+            }
+            for (c, sum) in sum.into_iter().enumerate() {
+                let (mean, albedo) = (sum / f64::from(LOBES * SIDE * SIDE), f64::from(bsdf.albedo()[c]));
+                assert!(
+                    (mean - albedo).abs() < 2e-3,
+                    "{bsdf:?}, channel {c}: {albedo} for {mean}"
+                );
+            }
+        }
+    }
 }

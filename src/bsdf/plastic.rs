@@ -88,6 +88,13 @@ impl Plastic {
         }
     }
 
+    /// See [`super::Bsdf::albedo`].
+    pub(super) fn albedo(&self) -> Rgb {
+        // The mean over the hemisphere of Schlick's (1 - cos θ)⁵, weighted by cos θ / π, is 1/21.
+        let through = Rgb::WHITE - self.specular;
+        self.specular + self.reflectance * through * through * (20.0 / 21.0)
+    }
+
     #[inline]
     fn fresnel(&self, cos: f32) -> Rgb {
         let m = (1.0 - cos).clamp(0.0, 1.0);

@@ -1,6 +1,6 @@
 //! The estimator's settings and the choice of a kernel by what the scene requires.
 
-use crate::accel::Accel;
+use crate::accel::{Accel, Hit, Ray};
 use crate::light::{EnvSampling, LightSampling};
 use crate::sampling::SamplerKind;
 use crate::scene::{Scene, SceneFeatures};
@@ -171,6 +171,18 @@ impl Kernel {
         counts: &mut RayCounts,
     ) {
         path::trace(self, scene, accel, settings, batch, counts);
+    }
+
+    /// Traces the camera rays of a batch and nothing else. Gives the samples that met a surface, with the ray and the hit:
+    /// the very ones that [`Kernel::trace`] starts with.
+    pub fn first_hits<A: Accel>(
+        &self,
+        scene: &Scene,
+        accel: &A,
+        settings: &Settings,
+        batch: &mut Batch,
+    ) -> impl Iterator<Item = (SampleId, Ray, Hit)> {
+        path::first_hits(self, scene, accel, settings, batch)
     }
 }
 

@@ -43,6 +43,30 @@ pub(super) fn trace<A: Accel>(
     tracer.trace(batch, counts);
 }
 
+/// Traces the camera rays of a batch alone, and tells which met something.
+pub(super) fn first_hits<A: Accel>(
+    kernel: &Kernel,
+    scene: &Scene,
+    accel: &A,
+    settings: &Settings,
+    batch: &mut Batch,
+) -> impl Iterator<Item = (SampleId, Ray, Hit)> {
+    let tracer = PathTracer {
+        kernel,
+        scene,
+        accel,
+        settings,
+    };
+    (kernel.start)(scene, settings, batch);
+    tracer.advance(0, batch);
+    let Batch {
+        samples, hits, lanes, ..
+    } = batch;
+    let paths = &lanes.paths;
+    let lanes = hits.iter().enumerate();
+    lanes.map(|(i, hit)| (samples[paths.sample[i] as usize], paths.ray(i), *hit))
+}
+
 impl<A: Accel> PathTracer<'_, A> {
     fn trace(&self, batch: &mut Batch, counts: &mut RayCounts) {
         (self.kernel.start)(self.scene, self.settings, batch);

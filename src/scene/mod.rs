@@ -15,3 +15,4 @@ pub use build::{Instancing, Scene, SceneError, SceneOptions, Surface};
 pub use desc::{EnvironmentDesc, ObjectDesc, SceneDesc};
 pub use features::SceneFeatures;
 pub use load::{LoadError, LoadOptions, load};
+pub(crate) use value::nearest;

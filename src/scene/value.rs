@@ -302,7 +302,7 @@ fn short(number: f64) -> String {
 }
 
 /// The candidate that a typing error most likely meant, if one is near.
-pub(super) fn nearest<'a>(given: &str, candidates: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+pub(crate) fn nearest<'a>(given: &str, candidates: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     candidates
         .map(|candidate| (strsim::jaro_winkler(given, candidate), candidate))
         .filter(|(similarity, _)| *similarity > 0.75)
