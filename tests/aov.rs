@@ -1,4 +1,5 @@
-//! What is written beside the image: first hits against what is known of planes and spheres.
+//! What is written beside the image: first hits against what is known of planes and spheres, and the parts of the light
+//! against the image.
 
 mod support;
 
@@ -6,7 +7,7 @@ use embrace::accel::Accel;
 use embrace::aov::{Aov, FirstHits};
 use embrace::camera::Camera;
 use embrace::film::Rect;
-use embrace::integrator::{KernelChoice, Settings, kernel_for};
+use embrace::integrator::{Batch, KernelChoice, Lighting, RayCounts, SampleId, Settings, kernel_for};
 use embrace::material::{Material, Scattering, Spectrum};
 use embrace::math::{DAffine3, DVec3, Rgb, Vec2, Vec3};
 use embrace::sampling::{Dimension, Sampler};
@@ -14,7 +15,8 @@ use embrace::scene::{self, LoadOptions, Scene, SceneDesc, SceneOptions};
 use embrace::texture::{Texture, TextureMap};
 use std::path::Path;
 use support::{
-    Estimate, Prepared, Significance, Stage, assert_mean, camera, diffuse, for_each_backend, opaque, quad, sphere,
+    Estimate, Prepared, Significance, Stage, assert_mean, camera, diffuse, emission, for_each_backend, opaque, quad,
+    sphere,
 };
 
 fn settings(seed: u64) -> Settings {
@@ -304,6 +306,79 @@ fn first_hits_can_be_stopped<A: Accel>() {
     );
 }
 
+/// Radiance and its direct part by sample.
+fn samples<A: Accel>(
+    prepared: &Prepared<A>,
+    settings: &Settings,
+    mut batch: Batch,
+) -> Vec<(SampleId, Rgb, Option<Rgb>)> {
+    let Prepared { scene, accel, .. } = prepared;
+    let kernel = kernel_for(scene, KernelChoice::Auto);
+    let mut ids = whole(scene).blocks().flat_map(|block| {
+        (0..4).flat_map(move |sample| block.coordinates().map(move |(x, y)| SampleId { sample, y, x }))
+    });
+    let (mut samples, mut counts) = (Vec::new(), RayCounts::default());
+    while batch.fill(&mut ids) {
+        kernel.trace(scene, accel, settings, &mut batch, &mut counts);
+        let direct: Vec<Rgb> = batch.direct().collect();
+        let results = batch.results().enumerate();
+        samples.extend(results.map(|(i, (id, radiance, _))| (id, radiance, direct.get(i).copied())));
+    }
+    samples
+}
+
+/// Sample by sample, to the bit: the image of direct light alone takes the same random numbers.
+fn the_direct_part_of_a_sample_is_the_sample_of_direct_light_alone<A: Accel>() {
+    for name in ["glass", "spheres", "cornell"] {
+        let prepared = Prepared::<A>::new(load(name), SceneOptions::default());
+        for base in [
+            settings(3),
+            Settings {
+                seed: 3,
+                ..Settings::article()
+            },
+        ] {
+            let only = Settings {
+                lighting: Lighting::Direct,
+                ..base
+            };
+            let split = samples(&prepared, &base, Batch::with_direct());
+            let plain = samples(&prepared, &base, Batch::default());
+            let direct = samples(&prepared, &only, Batch::with_direct());
+            let (mut with_direct, mut with_indirect) = (0, 0);
+            for ((split, plain), direct) in split.iter().zip(&plain).zip(&direct) {
+                assert_eq!((split.0, split.1, None), *plain, "{name}: the image does not change");
+                let part = split.2.expect("the direct part");
+                assert_eq!((split.0, part), (direct.0, direct.1), "{name}");
+                assert_eq!(direct.2, Some(direct.1), "{name}: all of direct light is direct");
+                let rest = split.1 - part;
+                assert!([0, 1, 2].iter().all(|&c| rest[c] >= 0.0), "{name}: {rest:?}");
+                with_direct += usize::from(!part.is_black());
+                with_indirect += usize::from(!rest.is_black());
+            }
+            assert!(
+                with_direct.min(with_indirect) > split.len() / 20,
+                "{name}: {with_direct} {with_indirect}"
+            );
+        }
+    }
+}
+
+/// A scene in which every path ends at once: what is seen is direct.
+fn light_that_is_seen_directly_is_direct<A: Accel>() {
+    let lamp = quad(Vec3::new(-20.0, -20.0, -2.0), Vec3::X * 40.0, Vec3::Y * 40.0);
+    let stage = Stage::new(camera(Vec3::ZERO, Vec3::NEG_Z, 40.0, [4, 4]));
+    for stage in [
+        stage.clone().add_light(lamp, diffuse(0.0), emission(3.0)),
+        stage.lit_by_constant(3.0),
+    ] {
+        let prepared = stage.prepare::<A>(&settings(1));
+        for (_, radiance, direct) in samples(&prepared, &settings(1), Batch::with_direct()) {
+            assert_eq!((radiance, direct), (Rgb::splat(3.0), Some(Rgb::splat(3.0))));
+        }
+    }
+}
+
 /// But for the few rays that a vertex or an edge leads elsewhere.
 #[cfg(all(feature = "embree", feature = "obvhs"))]
 #[test]
@@ -340,6 +415,7 @@ for_each_backend! {
     the_albedo_of_a_textured_floor_is_the_mean_of_its_texture
     a_sample_sees_the_first_surface_that_is_there_for_it
     positions_are_in_the_coordinates_of_the_file_however_far_off
+    light_that_is_seen_directly_is_direct
 }
 
 mod without_brute {
@@ -348,5 +424,6 @@ mod without_brute {
         but not brute:
         first_hits_depend_neither_on_the_crop_nor_on_threads
         first_hits_can_be_stopped
+        the_direct_part_of_a_sample_is_the_sample_of_direct_light_alone
     }
 }

@@ -29,6 +29,9 @@ pub struct Batch {
     pub(super) radiance: Vec<DVec3>,
     /// Whether the camera ray met light.
     sees_light: Vec<bool>,
+    /// The light of at most one scattering event, if it is wanted apart.
+    pub(super) direct: Vec<DVec3>,
+    pub(super) keeps_direct: bool,
     /// What camera rays meet; and the rays of a block of pixels, what they meet.
     pub(super) camera_hits: Vec<Option<Hit>>,
     pub(super) block_rays: Vec<Ray>,
@@ -52,6 +55,21 @@ impl Batch {
         !self.samples.is_empty()
     }
 
+    /// A batch of which kernels also tell [`Batch::direct`].
+    pub fn with_direct() -> Batch {
+        Batch {
+            keeps_direct: true,
+            ..Batch::default()
+        }
+    }
+
+    /// Keeps the light so far as the direct part, if it is wanted.
+    pub(super) fn keep_direct(&mut self) {
+        if self.keeps_direct {
+            self.direct.clone_from(&self.radiance);
+        }
+    }
+
     /// Keeps which samples have light before anything has scattered.
     pub(super) fn note_seen_light(&mut self) {
         self.sees_light.clear();
@@ -69,6 +87,12 @@ impl Batch {
             .copied()
             .zip(lights)
             .map(|(id, (radiance, sees))| (id, radiance, sees))
+    }
+
+    /// The part of each of [`Batch::results`] that was scattered at most once: emission seen directly and the article's
+    /// L_dir. The rest is indirect light. Nothing unless the batch was made to tell.
+    pub fn direct(&self) -> impl Iterator<Item = Rgb> {
+        self.direct.iter().map(|sum| Rgb::from(sum.to_array()))
     }
 }
 

@@ -74,13 +74,19 @@ impl<A: Accel> PathTracer<'_, A> {
         for depth in 0.. {
             self.advance(depth, batch);
             (self.kernel.scatter)(self.scene, self.settings, depth, batch);
-            if depth == 0 {
-                batch.note_seen_light();
+            match depth {
+                0 => batch.note_seen_light(),
+                // What bounces met counts; what emitters send to where they ended does not.
+                1 => batch.keep_direct(),
+                _ => {}
             }
             counts.bounce += batch.alive.len() as u64;
             counts.shadow += batch.shadow_rays.len() as u64;
             self.add_unoccluded(batch);
             if batch.alive.is_empty() {
+                if depth == 0 {
+                    batch.keep_direct();
+                }
                 return;
             }
         }
