@@ -110,6 +110,12 @@ impl Sum {
     fn value(&self) -> [f64; 3] {
         [0, 1, 2].map(|c| self.rounded[c] + self.error[c])
     }
+
+    fn merge(&mut self, other: &Sum) {
+        self.add(other.rounded);
+        // Too small to be rounded noticeably.
+        self.error = [0, 1, 2].map(|c| self.error[c] + other.error[c]);
+    }
 }
 
 /// What is kept of the samples of a pixel, 0 to some number.
@@ -166,9 +172,7 @@ impl PixelSums {
     }
 
     fn merge(&mut self, other: &PixelSums) {
-        self.sum.add(other.sum.rounded);
-        // Too small to be rounded noticeably.
-        self.sum.error = [0, 1, 2].map(|c| self.sum.error[c] + other.sum.error[c]);
+        self.sum.merge(&other.sum);
         self.difference = [0, 1, 2].map(|c| self.difference[c] + other.difference[c]);
         self.samples += other.samples;
         self.sees_light |= other.sees_light;
@@ -210,6 +214,7 @@ impl Tile {
             pixels: TilePixels {
                 rect,
                 sums: vec![PixelSums::default(); rect.pixels() as usize],
+                direct: Vec::new(),
             },
         }
     }
@@ -226,6 +231,8 @@ impl Tile {
 pub(crate) struct TilePixels {
     rect: Rect,
     sums: Vec<PixelSums>,
+    /// The direct part of each pixel; empty if it is not kept apart.
+    direct: Vec<Sum>,
 }
 
 impl TilePixels {
@@ -242,6 +249,13 @@ impl TilePixels {
         &mut self.sums[index]
     }
 
+    /// Adds the direct part of the next sample, in a film that keeps it apart.
+    #[inline]
+    pub(crate) fn add_direct(&mut self, x: u32, y: u32, radiance: Rgb) {
+        let index = self.index(x, y);
+        self.direct[index].add(radiance.to_array().map(f64::from));
+    }
+
     fn index(&self, x: u32, y: u32) -> usize {
         (y - self.rect.y0) as usize * self.rect.width() as usize + (x - self.rect.x0) as usize
     }
@@ -256,6 +270,9 @@ pub enum MergeError {
     /// Together they have more samples than can be counted.
     #[error("a pixel would have more than 4294967295 samples")]
     Samples,
+    /// One of them keeps direct light apart ([`Film::split_direct`]), the other does not.
+    #[error("only one of the films keeps direct light apart")]
+    Direct,
 }
 
 /// The pixels being rendered, in tiles.
@@ -280,6 +297,15 @@ impl Film {
             cell_size,
             tiles: tiles.collect(),
         }
+    }
+
+    /// The same film, still empty, that keeps apart which part of the light is direct; it takes more than half as much memory
+    /// again.
+    pub fn split_direct(mut self) -> Film {
+        for tile in &mut self.tiles {
+            tile.pixels.direct = vec![Sum::default(); tile.pixels.sums.len()];
+        }
+        self
     }
 
     /// The part of the image.
@@ -330,11 +356,14 @@ impl Film {
     /// same ones of another seed. The order in which films are merged does not show: means agree to an ulp of f64.
     ///
     /// # Errors
-    /// If it is of another part of the image, or a pixel would have more samples than can be counted. Nothing is changed
-    /// then.
+    /// If it is of another part of the image, one of them alone keeps direct light apart, or a pixel would have more samples
+    /// than can be counted. Nothing is changed then.
     pub fn merge(&mut self, other: &Film) -> Result<(), MergeError> {
         if self.crop != other.crop {
             return Err(MergeError::Crop(self.crop, other.crop));
+        }
+        if self.keeps_direct() != other.keeps_direct() {
+            return Err(MergeError::Direct);
         }
         let pairs = self.tiles.iter().zip(&other.tiles);
         let mut counts = pairs.flat_map(|(to, from)| to.pixels.sums.iter().zip(&from.pixels.sums));
@@ -343,6 +372,9 @@ impl Film {
         }
         for (to, from) in self.tiles.iter_mut().zip(&other.tiles) {
             for (to, from) in to.pixels.sums.iter_mut().zip(&from.pixels.sums) {
+                to.merge(from);
+            }
+            for (to, from) in to.pixels.direct.iter_mut().zip(&from.pixels.direct) {
                 to.merge(from);
             }
             for (to, from) in to.cells.iter_mut().zip(&from.cells) {
@@ -362,15 +394,37 @@ impl Film {
         self.map(PixelSums::mean).pixels
     }
 
+    /// What `f` makes of the direct part of every pixel's mean and of the rest; `None` if the film does not keep them apart.
+    pub fn map_parts<T: Clone + Default>(&self, f: impl Fn([[f64; 3]; 2]) -> T) -> Option<Image<T>> {
+        let parts = |pixels: &TilePixels, i: usize| {
+            let samples = f64::from(pixels.sums[i].samples.max(1));
+            let direct = pixels.direct[i].value().map(|s| s / samples);
+            let all = pixels.sums[i].mean();
+            [direct, [0, 1, 2].map(|c| all[c] - direct[c])]
+        };
+        self.keeps_direct()
+            .then(|| self.gather(|pixels, i| f(parts(pixels, i))))
+    }
+
+    fn keeps_direct(&self) -> bool {
+        self.tiles.iter().any(|tile| !tile.pixels.direct.is_empty())
+    }
+
     /// What `f` makes of every pixel.
     pub fn map<T: Clone + Default>(&self, f: impl Fn(&PixelSums) -> T) -> Image<T> {
+        self.gather(|pixels, i| f(&pixels.sums[i]))
+    }
+
+    /// The same of the pixels of a tile and an index into them.
+    fn gather<T: Clone + Default>(&self, f: impl Fn(&TilePixels, usize) -> T) -> Image<T> {
         let mut pixels = vec![T::default(); self.crop.pixels() as usize];
         for tile in &self.tiles {
-            for (row, sums) in tile.pixels.sums.chunks_exact(tile.rect.width() as usize).enumerate() {
+            let width = tile.rect.width() as usize;
+            for row in 0..tile.rect.height() as usize {
                 let y = tile.rect.y0 as usize - self.crop.y0 as usize + row;
                 let start = y * self.crop.width() as usize + (tile.rect.x0 - self.crop.x0) as usize;
-                for (pixel, sums) in pixels[start..].iter_mut().zip(sums) {
-                    *pixel = f(sums);
+                for (x, pixel) in pixels[start..start + width].iter_mut().enumerate() {
+                    *pixel = f(&tile.pixels, row * width + x);
                 }
             }
         }
@@ -383,7 +437,7 @@ impl Film {
 
     /// Bytes of the sums.
     pub fn memory_bytes(&self) -> usize {
-        let bytes = |t: &Tile| size_of_val(&*t.pixels.sums) + size_of_val(&*t.cells);
+        let bytes = |t: &Tile| size_of_val(&*t.pixels.sums) + size_of_val(&*t.pixels.direct) + size_of_val(&*t.cells);
         self.tiles.iter().map(bytes).sum()
     }
 }
@@ -437,6 +491,37 @@ mod tests {
                 assert_eq!(*image.at(x, y), Rgb::new((x + 5) as f32, (y + 7) as f32, 1.0));
             }
         }
+    }
+
+    #[test]
+    fn a_film_that_keeps_direct_light_apart_has_both_parts_and_others_do_not_pay_for_it() {
+        let (x1, y1) = (17, 3);
+        let plain = Film::new(Rect { x0: 0, y0: 0, x1, y1 });
+        let mut film = plain.clone().split_direct();
+        let pixels = film.crop().pixels() as usize;
+        assert_eq!(
+            film.memory_bytes() - plain.memory_bytes(),
+            pixels * size_of::<[f64; 6]>()
+        );
+        for tile in film.tiles_mut() {
+            for (x, y) in tile.rect.coordinates() {
+                for i in 0..2 {
+                    tile.add(x, y, Rgb::new(x as f32, y as f32, 3.0));
+                    tile.pixels.add_direct(x, y, Rgb::new(0.0, y as f32, i as f32));
+                }
+            }
+        }
+        let mut twice = film.clone();
+        assert_eq!(twice.merge(&film), Ok(()));
+        for film in [&film, &twice] {
+            let parts = film.map_parts(|parts| parts).unwrap();
+            for (x, y) in film.crop().coordinates() {
+                let (x, y, [direct, indirect]) = (f64::from(x), f64::from(y), *parts.at(x, y));
+                assert_eq!((direct, indirect), ([0.0, y, 0.5], [x, 0.0, 2.5]));
+            }
+        }
+        assert!(plain.map_parts(|parts| parts).is_none());
+        assert_eq!(twice.merge(&plain), Err(MergeError::Direct));
     }
 
     #[test]

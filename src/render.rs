@@ -28,6 +28,8 @@ pub struct Job {
     pub spp: u32,
     /// What is done about the error.
     pub error: ErrorControl,
+    /// Whether the film tells direct light apart ([`Film::map_parts`]).
+    pub split_direct: bool,
     /// The estimator.
     pub settings: Settings,
 }
@@ -121,6 +123,9 @@ pub fn render_watched<A: Accel>(
             (film, Some(planner))
         }
     };
+    if job.split_direct {
+        film = film.split_direct();
+    }
     let mut report = RenderReport::default();
     let done = AtomicU64::new(0);
     loop {
@@ -146,7 +151,11 @@ pub fn render_watched<A: Accel>(
         let tiles = Mutex::new(film.tiles_mut().iter_mut());
         let next = || tiles.lock().unwrap_or_else(PoisonError::into_inner).next();
         let reports = rayon::broadcast(|_| {
-            let mut batch = Batch::default();
+            let mut batch = if job.split_direct {
+                Batch::with_direct()
+            } else {
+                Batch::default()
+            };
             iter::from_fn(next)
                 .map(|tile| {
                     let report = tracer.render(&mut batch, tile);
@@ -192,18 +201,20 @@ impl<A: Accel> Tracer<'_, A> {
                 indices.clone().flat_map(of_block)
             })
         });
-        let add = |(id, radiance, sees_light): (SampleId, Rgb, bool)| {
+        let add = |(id, radiance, sees_light): (SampleId, Rgb, bool), direct: Option<Rgb>| {
             report.paths += 1;
-            let radiance = if radiance.is_finite() {
-                radiance
-            } else {
+            if !radiance.is_finite() {
                 report.dropped.count += 1;
                 report.dropped.first = Some(report.dropped.first.map_or(id, |first| first.min(id)));
-                Rgb::BLACK
-            };
+                pixels.at_mut(id.x, id.y).add(Rgb::BLACK);
+                return;
+            }
             let pixel = pixels.at_mut(id.x, id.y);
             pixel.add(radiance);
             pixel.sees_light |= sees_light;
+            if let Some(direct) = direct {
+                pixels.add_direct(id.x, id.y, direct);
+            }
         };
         let is_complete = self.trace(batch, samples, &mut report.rays, add);
         if is_complete {
@@ -212,20 +223,22 @@ impl<A: Accel> Tracer<'_, A> {
         report
     }
 
-    /// Computes samples and hands each to `add`, in their order; whether it was all of them.
+    /// Computes samples and hands each to `add`, in their order, with its direct part, if the batch keeps that; whether it was
+    /// all of them.
     fn trace(
         &self,
         batch: &mut Batch,
         mut samples: impl Iterator<Item = SampleId>,
         rays: &mut RayCounts,
-        mut add: impl FnMut((SampleId, Rgb, bool)),
+        mut add: impl FnMut((SampleId, Rgb, bool), Option<Rgb>),
     ) -> bool {
         while batch.fill(&mut samples) {
             if (self.stop)() {
                 return false;
             }
             self.kernel.trace(self.scene, self.accel, self.settings, batch, rays);
-            batch.results().for_each(&mut add);
+            let mut direct = batch.direct();
+            batch.results().for_each(|result| add(result, direct.next()));
         }
         true
     }

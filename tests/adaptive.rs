@@ -24,6 +24,7 @@ fn film<A: Accel>(prepared: &Prepared<A>, seed: u64, spp: u32, error: ErrorContr
         crop: Rect { x0: 0, y0: 0, x1, y1 },
         spp,
         error,
+        split_direct: false,
         settings: Settings {
             seed,
             ..Settings::default()

@@ -38,6 +38,7 @@ fn allocations<A: Accel>(scene: &Scene, accel: &A, spp: u32) -> usize {
         crop,
         spp,
         error: ErrorControl::Ignored,
+        split_direct: false,
         settings,
     };
     let kernel = kernel_for(scene, KernelChoice::Auto);

@@ -26,6 +26,7 @@ fn run<A: Accel>(prepared: &Prepared<A>, sampler: SamplerKind, seed: u64, spp: u
         crop: Rect { x0: 0, y0: 0, x1, y1 },
         spp,
         error: ErrorControl::Ignored,
+        split_direct: false,
         settings: Settings {
             seed,
             sampler,

@@ -59,6 +59,7 @@ fn image<A: Accel>(scene: &Scene, accel: &A, choice: KernelChoice, settings: Set
         crop,
         spp: 8,
         error: ErrorControl::Ignored,
+        split_direct: false,
         settings,
     };
     let (film, report) = render(scene, accel, kernel_for(scene, choice), &job);

@@ -88,6 +88,7 @@ impl<A: Accel> Renderer for Ready<A> {
             },
             spp,
             error: ErrorControl::Ignored,
+            split_direct: false,
             settings: *settings,
         };
         let watch = Watch {

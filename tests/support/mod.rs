@@ -337,6 +337,7 @@ impl<A: Accel> Prepared<A> {
             crop: Rect { x0: 0, y0: 0, x1, y1 },
             spp,
             error: ErrorControl::Ignored,
+            split_direct: false,
             settings: *settings,
         };
         let (film, report) = render(&self.scene, &self.accel, self.kernel, &job);

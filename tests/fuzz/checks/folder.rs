@@ -146,6 +146,7 @@ fn render_some(desc: SceneDesc) {
         crop: Rect::block(x1 / 2, y1 / 2).intersection(Rect { x0: 0, y0: 0, x1, y1 }),
         spp: 1,
         error: ErrorControl::Ignored,
+        split_direct: false,
         settings: Settings {
             max_depth: scene.max_depth,
             ..Settings::default()
