@@ -53,6 +53,11 @@ impl Interval {
         }
     }
 
+    /// Estimate, lower and upper end.
+    pub fn to_array(self) -> [f64; 3] {
+        [self.value, self.low, self.high]
+    }
+
     fn map(self, f: impl Fn(f64) -> f64) -> Interval {
         Interval {
             value: f(self.value),

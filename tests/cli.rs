@@ -713,12 +713,12 @@ fn a_time_too_short_for_a_sample_writes_nothing_and_says_so() {
 #[test]
 fn a_render_ends_at_the_error_that_is_asked_for() {
     let folder = Folder::with_scene();
-    let ran = folder.done("render scene.toml -o out.exr --resolution 64x48 --noise 0.02 --stats s.json");
+    let ran = folder.done("render scene.toml -o out.exr --resolution 64x48 --noise 0.01 --stats s.json");
     let stats = folder.json("s.json");
     assert_eq!(stats["stopped_by"], "noise");
     let error = &stats["error"]["relative_rmse"];
     let [value, low, high] = ["value", "low", "high"].map(|key| error[key].as_f64().unwrap());
-    assert!(value <= 0.02 && value > 0.015, "{value}");
+    assert!(value <= 0.01 && value > 0.0075, "{value}");
     assert!(low < value && value < high && stats["error"]["confidence"] == 0.95);
     let [fewest, mean, most] = ["spp", "spp_mean", "spp_most"].map(|key| stats[key].as_f64().unwrap());
     assert!((16.0..mean).contains(&fewest) && mean < most, "{fewest} {mean} {most}");
@@ -735,7 +735,7 @@ fn an_error_out_of_reach_is_an_exit_code_of_its_own_and_keeps_the_image() {
     let ran = folder.run("render scene.toml -o out.exr --noise 1e-6 --spp 40 --stats s.json");
     assert_eq!(ran.code, Some(5), "{}", ran.stderr);
     assert!(
-        ran.stderr.contains("the target of 0.0001 % is not reached"),
+        ran.stderr.contains("the target --noise 0.000001 is not reached"),
         "{}",
         ran.stderr
     );

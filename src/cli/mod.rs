@@ -89,7 +89,7 @@ struct RenderArgs {
     #[arg(long, requires = "time")]
     time_total: bool,
     /// Render to this relative root-mean-square error, with more samples where they are needed; 0.01 is one per cent
-    #[arg(long, value_name = "ERROR", value_parser = budget::parse_noise)]
+    #[arg(long, value_name = "ERROR", allow_negative_numbers = true, value_parser = budget::parse_noise)]
     noise: Option<f64>,
     /// With --noise, samples of every pixel before any gets more [default: 16]
     #[arg(long, value_name = "N", requires = "noise", value_parser = clap::value_parser!(u32).range(2..))]

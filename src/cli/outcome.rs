@@ -79,7 +79,7 @@ impl Outcome {
             let _ = write!(text, "Estimated error: {}", percent(error));
             let _ = match self.target(budget) {
                 Some(target) if self.relative_rmse() > target => {
-                    writeln!(text, "; the target of {} % is not reached", 100.0 * target)
+                    writeln!(text, "; the target --noise {target} is not reached")
                 }
                 _ => writeln!(text),
             };
@@ -108,7 +108,7 @@ impl Outcome {
 
 fn percent(error: &ErrorEstimate) -> String {
     let relative = error.relative_rmse();
-    let [value, low, high] = [relative.value, relative.low, relative.high].map(|e| 100.0 * e);
+    let [value, low, high] = relative.to_array().map(|e| 100.0 * e);
     format!(
         "{value:.3} % relative RMSE (95 %: {low:.3} to {high:.3}), RMSE {:.3e}",
         error.rmse().value
