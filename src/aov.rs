@@ -9,7 +9,7 @@
 //! something, since a mean with nowhere is no place.
 
 use crate::accel::Accel;
-use crate::film::Rect;
+use crate::film::{Film, Rect};
 use crate::image::exr::Layer;
 use crate::integrator::{Batch, Kernel, SampleId, Settings};
 use crate::interaction::{SurfaceInteraction, texture_coordinates};
@@ -25,7 +25,7 @@ const MAX_SAMPLES: u32 = 64;
 /// What a layer tells of each pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Aov {
-    /// Estimated variance of the pixel's mean, the square of its standard error.
+    /// Estimated variance of the pixel's mean, the square of its standard error: [`crate::film::PixelSums::variance`].
     Variance,
     /// Number of samples.
     Samples,
@@ -119,6 +119,11 @@ impl Aov {
         matches!(self, Aov::Albedo | Aov::Normal | Aov::Depth | Aov::Position)
     }
 
+    /// Whether it is a part of the light, for which the film has to be one of [`Film::split_direct`].
+    pub const fn is_part_of_light(self) -> bool {
+        matches!(self, Aov::Direct | Aov::Indirect)
+    }
+
     /// The layer of these values of all pixels, row by row.
     pub fn layer<const N: usize>(self, pixels: Vec<[f32; N]>) -> Layer {
         Layer {
@@ -127,6 +132,17 @@ impl Aov {
             values: pixels.into_flattened(),
         }
     }
+}
+
+/// One of the layers that the film tells of; `None` for the others, and for the parts of the light if they are not kept apart.
+pub fn layer_of(film: &Film, aov: Aov) -> Option<Layer> {
+    Some(match aov {
+        Aov::Variance => aov.layer(film.map(|pixel| pixel.variance().map(|v| v as f32)).pixels),
+        Aov::Samples => aov.layer(film.map(|pixel| [pixel.samples() as f32]).pixels),
+        Aov::Direct => aov.layer(film.map_parts(|[direct, _]| direct.map(|s| s as f32))?.pixels),
+        Aov::Indirect => aov.layer(film.map_parts(|[_, indirect]| indirect.map(|s| s as f32))?.pixels),
+        Aov::Albedo | Aov::Normal | Aov::Depth | Aov::Position => return None,
+    })
 }
 
 /// The first surface that each pixel of a part of the image sees.

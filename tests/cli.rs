@@ -1,121 +1,17 @@
 //! The program as people run it: messages, exit codes, files.
 
+mod support;
+
 use embrace::image::exr::ExrMetadata;
 use embrace::image::{Image, exr, ldr};
 use embrace::math::Rgb;
 use serde_json::Value;
-use std::collections::BTreeSet;
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::path::Path;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
-use tempfile::TempDir;
-
-const CAMERA: &str = "[camera]\nposition = [0, 1, 4]\nlook_at = [0, 0.5, 0]\nvfov = 40\nresolution = [16, 12]\n";
-const SKY: &str = "[environment]\nradiance = [0.5, 0.6, 0.8]\n";
-const RED: &str = "[materials.red]\ntype = \"diffuse\"\nrgb = [0.7, 0.2, 0.1]\n";
-const FLOOR: &str = "[[meshes]]\nfile = \"floor.obj\"\nmaterial = \"red\"\n";
-const LAMP: &str = "[[meshes]]\nfile = \"floor.obj\"\nmaterial = \"red\"\n\
-    transform = [[0.3, 0, 0, 0], [0, -1, 0, 1.5], [0, 0, -0.3, 0], [0, 0, 0, 1]]\n\
-    emission = { radiance = [9, 8, 7], sides = \"both\" }\n";
-const SQUARE: &str = "v -1 0 1\nv 1 0 1\nv 1 0 -1\nv -1 0 -1\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n";
-
-/// What a run of the program did.
-struct Ran {
-    code: Option<i32>,
-    stdout: String,
-    stderr: String,
-}
-
-/// A folder with a scene, removed at the end.
-struct Folder(TempDir);
-
-impl Folder {
-    fn empty() -> Folder {
-        Folder(tempfile::tempdir().unwrap())
-    }
-
-    /// A red square under a blue sky and a lamp, in `scene.toml`.
-    fn with_scene() -> Folder {
-        Folder::with(&[CAMERA, SKY, RED, FLOOR, LAMP].concat())
-    }
-
-    fn with(scene: &str) -> Folder {
-        let folder = Folder::empty();
-        folder.write("scene.toml", scene);
-        folder.write("floor.obj", SQUARE);
-        folder
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn write(&self, name: &str, content: impl AsRef<[u8]>) {
-        fs::write(self.path(name), content).unwrap();
-    }
-
-    fn read(&self, name: &str) -> Vec<u8> {
-        fs::read(self.path(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
-    }
-
-    fn exr(&self, name: &str) -> Image<Rgb> {
-        exr::read(&self.read(name), Path::new(name)).unwrap()
-    }
-
-    fn png(&self, name: &str) -> Image<[u8; 3]> {
-        match embrace::image::read(Path::new(name), &self.read(name)).unwrap() {
-            embrace::image::Decoded::Encoded(ldr::LdrImage::Bits8 { rgb, .. }) => rgb,
-            other => panic!("{name} is no 8-bit image: {other:?}"),
-        }
-    }
-
-    fn json(&self, name: &str) -> Value {
-        serde_json::from_slice(&self.read(name)).unwrap()
-    }
-
-    fn names(&self) -> BTreeSet<String> {
-        let entries = fs::read_dir(self.0.path()).unwrap();
-        entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect()
-    }
-
-    /// The program in this folder, the arguments separated by blanks.
-    fn command(&self, arguments: &str) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_embrace"));
-        command.current_dir(self.0.path()).args(arguments.split_whitespace());
-        command
-    }
-
-    fn run(&self, arguments: &str) -> Ran {
-        let output = self.command(arguments).stdin(Stdio::null()).output().unwrap();
-        Ran {
-            code: output.status.code(),
-            stdout: String::from_utf8(output.stdout).unwrap(),
-            stderr: String::from_utf8(output.stderr).unwrap(),
-        }
-    }
-
-    /// Runs what must succeed.
-    fn done(&self, arguments: &str) -> Ran {
-        let ran = self.run(arguments);
-        assert_eq!(ran.code, Some(0), "{arguments}: {}", ran.stderr);
-        ran
-    }
-
-    /// Runs what must fail: with this code, a message that has these words, and not a file more or less.
-    fn refused(&self, arguments: &str, code: i32, words: &[&str]) {
-        let before = self.names();
-        let ran = self.run(arguments);
-        assert_eq!(ran.code, Some(code), "{arguments}: {}", ran.stderr);
-        for word in words {
-            assert!(ran.stderr.contains(word), "{arguments}: no `{word}` in: {}", ran.stderr);
-        }
-        assert!(ran.stderr.starts_with("error: "), "{}", ran.stderr);
-        assert_eq!(ran.stdout, "", "{arguments}");
-        assert_eq!(self.names(), before, "{arguments}");
-    }
-}
+use support::program::{CAMERA, FLOOR, Folder, LAMP, RED, SKY, SQUARE, exit_code_within, int_attribute, send};
 
 /// A scene that is refused whole.
 fn scene_is_refused(scene: &str, words: &[&str]) {
@@ -598,14 +494,6 @@ fn both_outputs_show_the_same_image_and_the_exr_says_what_made_it() {
     assert_eq!(folder.names().len(), 4, "no temporary file stays");
 }
 
-fn int_attribute(exr: &[u8], name: &str) -> i32 {
-    let meta = ::exr::meta::MetaData::read_from_buffered(exr, false).unwrap();
-    match meta.headers[0].own_attributes.other[&::exr::meta::attribute::Text::from(name)] {
-        ::exr::meta::attribute::AttributeValue::I32(value) => value,
-        ref other => panic!("{name} is {other:?}"),
-    }
-}
-
 #[test]
 fn statistics_have_every_key_with_a_sensible_value() {
     let folder = Folder::with_scene();
@@ -1076,31 +964,6 @@ fn a_scene_is_the_same_in_toml_and_in_json_with_relative_and_absolute_paths() {
 }
 
 // Interruption.
-
-#[cfg(unix)]
-fn send(signal: &str, child: &Child) {
-    let status = Command::new("sh")
-        .args(["-c", &format!("kill -{signal} {}", child.id())])
-        .status()
-        .unwrap();
-    assert!(status.success());
-}
-
-/// Waits for the end, but not for ever.
-#[cfg(unix)]
-fn exit_code_within(child: &mut Child, limit: Duration) -> Option<i32> {
-    let start = Instant::now();
-    loop {
-        if let Some(status) = child.try_wait().unwrap() {
-            return status.code();
-        }
-        if start.elapsed() > limit {
-            child.kill().unwrap();
-            panic!("still running after {limit:?}");
-        }
-        std::thread::sleep(Duration::from_millis(20));
-    }
-}
 
 #[cfg(unix)]
 fn interrupted_render_keeps_its_image(signal: &str, code: i32) {

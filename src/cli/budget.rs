@@ -1,6 +1,6 @@
 //! What a render may take: samples, time, and the error to stop at.
 
-use super::{Failure, RenderArgs, SamplerArg};
+use super::{Failure, RenderArgs};
 use crate::adaptive::NoiseTarget;
 use crate::render::ErrorControl;
 use std::time::{Duration, Instant};
@@ -14,8 +14,8 @@ const NOISE_SPP: u32 = 16_384;
 /// Samples of each pixel before its error is judged.
 const MIN_SPP: u32 = 16;
 
-/// What it takes to write a pixel to one file, at most, in seconds (docs/performance.md).
-const WRITE_SECONDS_PER_PIXEL: f64 = 2e-7;
+/// What it takes to write a channel of a pixel to one file, at most, in seconds (docs/performance.md).
+const WRITE_SECONDS_PER_VALUE: f64 = 0.7e-7;
 
 /// Paths per second in a simple scene, to tell how many a time is good for.
 const PATHS_PER_SECOND: f64 = 1e6;
@@ -49,7 +49,7 @@ impl Budget {
             }),
             None => ErrorControl::Ignored,
         };
-        if noise.is_some() && matches!(args.estimator.sampler, Some(SamplerArg::SobolWhole)) {
+        if noise.is_some() && !args.estimator.tells_error() {
             return Err(Failure::usage(
                 "--noise needs the error, which samples of --sampler sobol-whole do not tell; take sobol",
             ));
@@ -80,12 +80,12 @@ impl Budget {
         self.time.is_some() || matches!(self.error, ErrorControl::Bounded(_))
     }
 
-    /// Starts the clock, for an image of so many pixels that goes to so many files.
-    pub(super) fn start(&self, pixels: u64, files: usize) -> Clock {
+    /// Starts the clock, for an image of so many pixels, of which so many channels are written, in all files together.
+    pub(super) fn start(&self, pixels: u64, channels: usize) -> Clock {
         let now = Instant::now();
         let limit = self.time.map(|time| {
             let Some(started) = self.started else { return time };
-            let writing = Duration::from_secs_f64(WRITE_SECONDS_PER_PIXEL * pixels as f64 * files as f64);
+            let writing = Duration::from_secs_f64(WRITE_SECONDS_PER_VALUE * pixels as f64 * channels as f64);
             time.saturating_sub(now - started).saturating_sub(writing)
         });
         Clock { started: now, limit }
@@ -107,7 +107,12 @@ impl Clock {
 
     /// Whether time is up.
     pub(super) fn is_up(&self) -> bool {
-        self.limit.is_some_and(|limit| self.elapsed() >= limit)
+        self.is_past(1.0)
+    }
+
+    /// Whether this share of the time is over.
+    pub(super) fn is_past(&self, share: f64) -> bool {
+        self.limit.is_some_and(|limit| self.elapsed() >= limit.mul_f64(share))
     }
 
     /// How many paths there will be in all, of which `done` are done, if nothing else ends the render before `expected` of
@@ -190,7 +195,7 @@ mod tests {
         assert!(clock(Some(Duration::from_secs(4))).is_up());
         assert_eq!(clock(Some(Duration::from_secs(4))).expect(100, 1000), 100);
         let half = clock(Some(Duration::from_secs(10)));
-        assert!(!half.is_up());
+        assert!(!half.is_up() && half.is_past(0.4));
         assert!((190..=200).contains(&half.expect(100, 1000)));
         assert_eq!(half.expect(100, 150), 150);
     }

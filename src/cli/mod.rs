@@ -1,6 +1,7 @@
 //! The command line: arguments to settings, errors to exit codes.
 
 use crate::accel::{BuildQuality, Intersector};
+use crate::aov::Aov;
 use crate::integrator::{BounceSampling, KernelChoice, Lighting, Roulette, Settings};
 use crate::light::{EnvSampling, LightSampling};
 use crate::sampling::SamplerKind;
@@ -16,6 +17,7 @@ use std::time::Duration;
 mod budget;
 mod info;
 mod interrupt;
+mod layers;
 mod outcome;
 mod output;
 mod progress;
@@ -118,6 +120,10 @@ struct RenderArgs {
     /// Write the image so far after the first sample of every pixel, and from then on every so many seconds
     #[arg(long, value_name = "SECONDS", value_parser = parse_interval)]
     progress_image: Option<Duration>,
+    /// Layers beside the image in .exr outputs: variance, samples, albedo, normal, depth, position, direct, indirect
+    // The full path, because clap would take a plain `Vec` to be one value after another.
+    #[arg(long, value_name = "NAME,...", value_parser = Aov::parse_list)]
+    aov: Option<std::vec::Vec<Aov>>,
     /// Write statistics as JSON
     #[arg(long, value_name = "FILE")]
     stats: Option<PathBuf>,
@@ -302,6 +308,11 @@ impl EstimatorArgs {
             settings.smooth_terminator = matches!(smooth_terminator, Switch::On);
         }
         settings
+    }
+
+    /// Whether the samples tell the error of their mean.
+    fn tells_error(&self) -> bool {
+        !matches!(self.sampler, Some(SamplerArg::SobolWhole))
     }
 
     fn kernel(&self) -> KernelChoice {

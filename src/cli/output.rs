@@ -1,7 +1,7 @@
 //! Files written whole or not at all: a temporary name beside the target, then a rename.
 
 use super::{Failure, SOFTWARE};
-use crate::image::exr::{self, ExrMetadata};
+use crate::image::exr::{self, ExrMetadata, Layer};
 use crate::image::{Image, display, ldr};
 use crate::math::Rgb;
 use std::fs;
@@ -48,10 +48,21 @@ impl Target {
         })
     }
 
-    /// Writes the image; `exposure` in stops is for PNG.
-    pub(super) fn write(&self, image: &Image<Rgb>, metadata: &ExrMetadata, exposure: f32) -> Result<(), Failure> {
+    /// Whether layers can be written beside the image.
+    pub(super) fn has_layers(&self) -> bool {
+        self.format == Format::Exr
+    }
+
+    /// Writes the image; the layers and `metadata` are for EXR, `exposure` in stops for PNG.
+    pub(super) fn write(
+        &self,
+        image: &Image<Rgb>,
+        layers: &[Layer],
+        metadata: &ExrMetadata,
+        exposure: f32,
+    ) -> Result<(), Failure> {
         write_atomically(&self.path, |writer| match self.format {
-            Format::Exr => exr::write(writer, image, metadata, &self.path),
+            Format::Exr => exr::write_layers(writer, image, layers, metadata, &self.path),
             Format::Png => ldr::write_png(writer, &display::to_srgb8(image, exposure), &self.path),
         })
     }

@@ -2,6 +2,7 @@
 
 use super::budget::{Budget, Clock};
 use super::interrupt::Interrupt;
+use super::layers::{FIRST_HITS_SHARE, Layers};
 use super::outcome::{Ending, Outcome};
 use super::output::{self, Target};
 use super::progress::Progress;
@@ -11,8 +12,10 @@ use super::{Failure, RenderArgs, tell, with_backend};
 use crate::accel::{Accel, BuildOptions, BuildQuality, Intersector};
 use crate::error;
 use crate::film::{Film, Rect};
-use crate::image::exr::ExrMetadata;
+use crate::image::Image;
+use crate::image::exr::{ExrMetadata, Layer};
 use crate::integrator::{Roulette, Settings, kernel_for};
+use crate::math::Rgb;
 use crate::render::{DroppedSamples, Job, RenderReport, Watch, render_watched};
 use crate::scene::{self, LoadOptions, Scene, SceneOptions};
 use std::thread;
@@ -25,6 +28,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<u8, Failure> {
         .iter()
         .map(|path| Target::new(path))
         .collect::<Result<Vec<_>, _>>()?;
+    let layers = Layers::new(args, &targets, &budget)?;
     if let Some(stats) = &args.stats {
         output::check_writable(stats)?;
     }
@@ -36,13 +40,14 @@ pub(super) fn run(args: &RenderArgs) -> Result<u8, Failure> {
     let pool = pool
         .build()
         .map_err(|e| Failure::internal(format!("threads cannot be started: {e}")))?;
-    pool.install(|| with_backend!(args.backend, run_on(args, &budget, &targets, &interrupt)))
+    pool.install(|| with_backend!(args.backend, run_on(args, &budget, &targets, layers, &interrupt)))
 }
 
 fn run_on<A: Accel>(
     args: &RenderArgs,
     budget: &Budget,
     targets: &[Target],
+    mut layers: Layers,
     interrupt: &Interrupt,
 ) -> Result<u8, Failure> {
     let intersector = args.estimator.intersector();
@@ -91,29 +96,32 @@ fn run_on<A: Accel>(
         crop,
         spp: budget.spp,
         error: budget.error,
+        split_direct: layers.split_direct(),
         settings,
     };
 
-    let write = |(image, spp): &Snapshot, seconds: f64| {
-        let metadata = ExrMetadata {
-            scene_hash: Some(scene.hash.clone()),
-            spp: Some(*spp),
-            seed: Some(args.seed),
-            backend: Some(format!("{} {}", A::NAME, A::version())),
-            seconds: (!args.reproducible).then_some(seconds),
-            display_size: Some([width, height]),
-            offset: [crop.x0, crop.y0],
-            ..output::metadata()
-        };
-        targets
-            .iter()
-            .try_for_each(|target| target.write(image, &metadata, args.exposure))
+    let metadata = |spp: u32, seconds: f64| ExrMetadata {
+        scene_hash: Some(scene.hash.clone()),
+        spp: Some(spp),
+        seed: Some(args.seed),
+        backend: Some(format!("{} {}", A::NAME, A::version())),
+        seconds: (!args.reproducible).then_some(seconds),
+        display_size: Some([width, height]),
+        offset: [crop.x0, crop.y0],
+        ..output::metadata()
     };
+    let write = |image: &Image<Rgb>, layers: &[Layer], metadata: &ExrMetadata| {
+        let mut targets = targets.iter();
+        targets.try_for_each(|target| target.write(image, layers, metadata, args.exposure))
+    };
+    let write_snapshot = |(image, spp): &Snapshot, seconds: f64| write(image, &[], &metadata(*spp, seconds));
 
     interrupt.keep_image();
-    let clock = budget.start(crop.pixels(), targets.len());
+    let clock = budget.start(crop.pixels(), layers.channels_written(targets));
     let start_cpu = process_seconds();
-    let (film, report) = watched(args, interrupt, &clock, write, |watch| {
+    let stop = || interrupt.raised().is_some() || clock.is_past(FIRST_HITS_SHARE);
+    layers.trace(&scene, &accel, kernel, &job, &stop);
+    let (film, report) = watched(args, interrupt, &clock, write_snapshot, |watch| {
         render_watched(&scene, &accel, kernel, &job, watch)
     });
     let (render_seconds, render_cpu_seconds) = (clock.elapsed().as_secs_f64(), process_seconds() - start_cpu);
@@ -137,9 +145,14 @@ fn run_on<A: Accel>(
     }
 
     let start = Instant::now();
-    let snapshot = (film.develop(), fewest);
-    write(&snapshot, render_seconds)?;
-    let (image, _) = snapshot;
+    let image = film.develop();
+    let metadata = ExrMetadata {
+        spp_most: Some(most),
+        relmse: outcome.error.map(|error| error.relmse.to_array()),
+        rmse: outcome.error.map(|error| error.rmse().to_array()),
+        ..metadata(fewest, render_seconds)
+    };
+    write(&image, &layers.of(&film, args.quiet), &metadata)?;
     let write_seconds = start.elapsed().as_secs_f64();
 
     if report.dropped.count > 0 && !args.quiet {

@@ -47,7 +47,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
 pub(super) fn tonemap(args: &TonemapArgs) -> Result<(), Failure> {
     check_png(&args.output)?;
     let target = Target::new(&args.output)?;
-    target.write(&read(&args.input)?, &output::metadata(), args.exposure)
+    target.write(&read(&args.input)?, &[], &output::metadata(), args.exposure)
 }
 
 fn check_png(path: &Path) -> Result<(), Failure> {

@@ -143,6 +143,9 @@ mod tests {
             software: "embrace 0.1.0".to_owned(),
             scene_hash: Some("af13".to_owned()),
             spp: Some(64),
+            spp_most: Some(u32::MAX),
+            relmse: Some([0.5, 0.25, 1.0]),
+            rmse: Some([2.0, 1.0, 4.0]),
             seed: Some(u64::MAX),
             backend: Some("Embree 4.3 – native".to_owned()),
             seconds: Some(1.25),
@@ -165,13 +168,21 @@ mod tests {
         for (name, value) in [
             ("scene_hash", AttributeValue::Text(Text::from("af13"))),
             ("spp", AttributeValue::I32(64)),
+            // The most that the attribute can hold.
+            ("spp_most", AttributeValue::I32(i32::MAX)),
+            ("relmse", AttributeValue::F32(0.5)),
+            ("relmse_low", AttributeValue::F32(0.25)),
+            ("relmse_high", AttributeValue::F32(1.0)),
+            ("rmse", AttributeValue::F32(2.0)),
+            ("rmse_low", AttributeValue::F32(1.0)),
+            ("rmse_high", AttributeValue::F32(4.0)),
             ("seed", AttributeValue::Text(Text::from("18446744073709551615"))),
             ("backend", AttributeValue::Text(Text::from("Embree 4.3 ? native"))),
             ("seconds", AttributeValue::F32(1.25)),
         ] {
             assert_eq!(own.other.get(&Text::from(name)), Some(&value), "{name}");
         }
-        assert_eq!(own.other.len(), 5);
+        assert_eq!(own.other.len(), 12);
         assert_eq!(read_picture(&bytes).unwrap(), picture(5, 20));
         // A hash map would order the attributes differently each time.
         for _ in 0..20 {

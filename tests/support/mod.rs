@@ -14,6 +14,7 @@
 )]
 
 pub(crate) mod exact;
+pub(crate) mod program;
 
 use embrace::accel::{Accel, BuildOptions};
 use embrace::camera::CameraDesc;

@@ -30,8 +30,15 @@ pub struct ExrMetadata {
     pub software: String,
     /// Attribute `scene_hash`.
     pub scene_hash: Option<String>,
-    /// Attribute `spp` (int): samples per pixel.
+    /// Attribute `spp` (int): samples per pixel; the fewest, where pixels differ.
     pub spp: Option<u32>,
+    /// Attribute `spp_most` (int): the most samples of a pixel.
+    pub spp_most: Option<u32>,
+    /// Attributes `relmse`, `relmse_low`, `relmse_high` (float): estimated relative mean squared error of the image, and the ends of
+    /// its 95 % interval.
+    pub relmse: Option<[f64; 3]>,
+    /// Attributes `rmse`, `rmse_low`, `rmse_high` (float): the same for the root-mean-square error.
+    pub rmse: Option<[f64; 3]>,
     /// Attribute `seed`: as text, since no attribute type holds 64-bit integers.
     pub seed: Option<u64>,
     /// Attribute `backend`: what traced the rays.
@@ -165,20 +172,25 @@ fn header(image: &Image<Rgb>, channels: &[Channel], metadata: &ExrMetadata) -> O
         ..ImageAttributes::new(IntegerBounds::new(Vec2(0, 0), Vec2(width as usize, height as usize)))
     };
     let as_text = |value: &String| AttributeValue::Text(text(value));
+    let as_int = |n: u32| AttributeValue::I32(i32::try_from(n).unwrap_or(i32::MAX));
+    let as_float = |x: f64| AttributeValue::F32(x as f32);
+    let number = |interval: Option<[f64; 3]>, i: usize| interval.map(|numbers| as_float(numbers[i]));
     let custom = [
         ("scene_hash", metadata.scene_hash.as_ref().map(as_text)),
-        (
-            "spp",
-            metadata
-                .spp
-                .map(|n| AttributeValue::I32(i32::try_from(n).unwrap_or(i32::MAX))),
-        ),
+        ("spp", metadata.spp.map(as_int)),
+        ("spp_most", metadata.spp_most.map(as_int)),
+        ("relmse", number(metadata.relmse, 0)),
+        ("relmse_low", number(metadata.relmse, 1)),
+        ("relmse_high", number(metadata.relmse, 2)),
+        ("rmse", number(metadata.rmse, 0)),
+        ("rmse_low", number(metadata.rmse, 1)),
+        ("rmse_high", number(metadata.rmse, 2)),
         (
             "seed",
             metadata.seed.map(|n| AttributeValue::Text(text(&n.to_string()))),
         ),
         ("backend", metadata.backend.as_ref().map(as_text)),
-        ("seconds", metadata.seconds.map(|s| AttributeValue::F32(s as f32))),
+        ("seconds", metadata.seconds.map(as_float)),
     ];
     for (name, value) in custom {
         if let Some(value) = value {
