@@ -137,7 +137,7 @@ impl Planner {
             let goal = goal(high, *v, cell);
             expected += pixels(cell) * goal;
             // Even: as many of one half as of the other.
-            let goal = (goal.ceil() as u32).next_multiple_of(2);
+            let goal = (goal.ceil() as u32).checked_next_multiple_of(2).unwrap_or(u32::MAX);
             cell.goal = goal.min(self.limit(cell.samples)).max(cell.samples);
             is_more |= cell.goal > cell.samples;
         }
