@@ -20,7 +20,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use plotters::style::RGBColor;
 
 /// Nothing may be fetched, whatever a scene is called.
-const POLICY: &str = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
+const POLICY: &str = include_str!("report/policy.txt");
 
 /// The colour of what is in the background.
 const GREY: RGBColor = RGBColor(190, 190, 190);
