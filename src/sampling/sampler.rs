@@ -73,10 +73,13 @@ impl Sampler {
     #[inline(always)]
     pub fn new(kind: SamplerKind, seed: u64, x: u32, y: u32, index: u32) -> Sampler {
         let [a, b, c] = hash([seed as u32, (seed >> 32) as u32, 0x5851_F42D]);
-        let (half, index) = match kind {
-            SamplerKind::Sobol => (index & 1, (index >> 1).reverse_bits()),
-            SamplerKind::SobolWhole => (0, index.reverse_bits()),
-            SamplerKind::Independent => (0, index),
+        // In numbers rather than ways to go, as loops over columns need it.
+        let halves = u32::from(kind == SamplerKind::Sobol);
+        let (half, index) = (index & halves, index >> halves);
+        let index = if kind == SamplerKind::Independent {
+            index
+        } else {
+            index.reverse_bits()
         };
         let [key_0, key_1, _] = hash([a ^ x, b ^ y, c ^ half]);
         Sampler {

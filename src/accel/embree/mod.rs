@@ -442,7 +442,7 @@ impl Accel for Embree {
         })
     }
 
-    #[inline]
+    #[inline(always)]
     fn intersect(&self, ray: &Ray) -> Option<Hit> {
         let mut start = Embree::query_ray(ray, ray.t_min, ray.t_max)?;
         loop {
