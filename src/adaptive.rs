@@ -26,6 +26,9 @@ const LEAST_VARIANCE: f64 = 1e-3;
 /// Least growth of a cell in a round, in samples.
 const LEAST_STEP: u32 = 16;
 
+/// What is aimed at is this part of the wanted squared error, so that the last round is not repeated for a trifle.
+const AIM: f64 = 0.98;
+
 /// Every cell has this share of the mean number of samples, so that more and more samples tell where the error is.
 const LEAST_SHARE: f64 = 0.125;
 
@@ -117,7 +120,7 @@ impl Planner {
             let cells = film.cells().zip(variances);
             cells.map(|(cell, v)| pixels(cell) * v / samples(*v, cell)).sum()
         };
-        let wanted = part * error(&|_, cell| cell.samples.into());
+        let wanted = AIM * part * error(&|_, cell| cell.samples.into());
         let suffices = |factor: f64| error(&|v, cell| goal(factor, v, cell)) <= wanted;
         let (mut low, mut high) = (0.0, 1.0);
         while high < f64::MAX.sqrt() && !suffices(high) {
