@@ -140,7 +140,10 @@ fn run_on<A: Accel>(
     if most == 0 {
         return Err(Failure {
             code: outcome.exit_code(budget),
-            message: "there was no time for a single sample; nothing is written".into(),
+            message: match ending {
+                Ending::Signal => "interrupted before the first sample; nothing is written".into(),
+                _ => "there was no time for a single sample; nothing is written".into(),
+            },
         });
     }
 
