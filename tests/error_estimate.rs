@@ -71,15 +71,20 @@ fn calibrate(
 
 #[test]
 fn the_true_error_lies_in_the_interval_as_often_as_stated() {
-    // Of 100 intervals that hold in 95 % of cases, fewer than 89 hold once in 250 cases. `veach-mis` is noisy by few samples
-    // that outshine all others, which no estimate knows of before they come.
-    for (name, least) in [
-        ("cornell", 89),
-        ("spheres", 89),
-        ("glass", 89),
-        ("many-lights", 89),
-        ("veach-mis", 85),
-    ] {
+    assert_calibrated(&[("cornell", 89), ("many-lights", 89)]);
+}
+
+#[test]
+#[ignore = "takes a minute; for docs/error.md"]
+fn the_true_error_lies_in_the_interval_on_the_other_scenes_as_well() {
+    // `veach-mis` is noisy by few samples that outshine all others, which no estimate knows of before they come.
+    assert_calibrated(&[("spheres", 89), ("glass", 89), ("furnace", 89), ("veach-mis", 85)]);
+}
+
+/// Asserts, of scenes, the least number of intervals of [`SEEDS`] that hold. Of 100 that hold in 95 % of cases fewer than 89 do
+/// once in 250 cases.
+fn assert_calibrated(scenes: &[(&str, usize)]) {
+    for (name, least) in scenes {
         let prepared = scene_of_repository::<Backend>(name, [80, 60]);
         let runs: Vec<_> = (0..SEEDS)
             .into_par_iter()
@@ -91,8 +96,8 @@ fn the_true_error_lies_in_the_interval_as_often_as_stated() {
             "{name}: RMSE inside {} of {SEEDS}, mean square {:.3} of the true one; relative inside {}, {:.3}",
             absolute.inside, absolute.ratio, relative.inside, relative.ratio
         );
-        assert!(absolute.inside >= least, "{name}: {} of {SEEDS}", absolute.inside);
-        assert!(relative.inside >= least, "{name}: {} of {SEEDS}", relative.inside);
+        assert!(absolute.inside >= *least, "{name}: {} of {SEEDS}", absolute.inside);
+        assert!(relative.inside >= *least, "{name}: {} of {SEEDS}", relative.inside);
     }
 }
 
