@@ -15,7 +15,7 @@ const NOISE_SPP: u32 = 16_384;
 const MIN_SPP: u32 = 16;
 
 /// What it takes to write a channel of a pixel to one file, at most, in seconds (docs/performance.md).
-const WRITE_SECONDS_PER_VALUE: f64 = 0.9e-7;
+const WRITE_SECONDS_PER_VALUE: f64 = 1.1e-7;
 
 /// Paths per second in a simple scene, to tell how many a time is good for.
 const PATHS_PER_SECOND: f64 = 1e6;
