@@ -11,12 +11,11 @@ use embrace::integrator::{Batch, KernelChoice, Lighting, RayCounts, SampleId, Se
 use embrace::material::{Material, Scattering, Spectrum};
 use embrace::math::{DAffine3, DVec3, Rgb, Vec2, Vec3};
 use embrace::sampling::{Dimension, Sampler};
-use embrace::scene::{self, LoadOptions, Scene, SceneDesc, SceneOptions};
+use embrace::scene::{Scene, SceneDesc, SceneOptions};
 use embrace::texture::{Texture, TextureMap};
-use std::path::Path;
 use support::{
-    Estimate, Prepared, Significance, Stage, assert_mean, camera, diffuse, emission, for_each_backend, opaque, quad,
-    sphere,
+    Estimate, Prepared, Significance, Stage, assert_mean, camera, diffuse, emission, for_each_backend, load_scene,
+    opaque, quad, sphere,
 };
 
 fn settings(seed: u64) -> Settings {
@@ -27,11 +26,7 @@ fn settings(seed: u64) -> Settings {
 }
 
 fn load(name: &str) -> SceneDesc {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("scenes")
-        .join(name)
-        .join(format!("{name}.toml"));
-    let mut desc = scene::load(&file, LoadOptions { strict: true }).expect("the scenes have no faults");
+    let mut desc = load_scene(name);
     let [width, height] = desc.camera.resolution;
     desc.camera.resolution = [48, 48 * height / width];
     desc

@@ -9,10 +9,9 @@ use embrace::integrator::{BounceSampling, Lighting, Roulette, Settings};
 use embrace::light::{EnvSampling, LightSampling};
 use embrace::math::Rgb;
 use embrace::sampling::SamplerKind;
-use embrace::scene::{self, EnvironmentDesc, LoadOptions, SceneDesc, SceneOptions};
-use std::path::Path;
+use embrace::scene::{EnvironmentDesc, SceneDesc, SceneOptions};
 use std::sync::Arc;
-use support::{Estimate, Prepared, Significance, assert_same_mean};
+use support::{Estimate, Prepared, Significance, assert_same_mean, load_scene};
 
 /// Same length for all settings, because roulette can be off in some.
 const MAX_DEPTH: u32 = 6;
@@ -21,11 +20,7 @@ const SPP: u32 = 16;
 const SEEDS: u64 = 24;
 
 fn load(name: &str) -> SceneDesc {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("scenes")
-        .join(name)
-        .join(format!("{name}.toml"));
-    let mut desc = scene::load(&file, LoadOptions { strict: true }).expect("the scenes have no faults");
+    let mut desc = load_scene(name);
     let [width, height] = desc.camera.resolution;
     desc.camera.resolution = [48, 48 * height / width];
     desc

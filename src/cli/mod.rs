@@ -462,6 +462,16 @@ impl Failure {
     }
 }
 
+/// What runs the work of a command on so many threads; by default on all of the machine.
+fn thread_pool(threads: Option<u16>) -> Result<rayon::ThreadPool, Failure> {
+    let mut pool = rayon::ThreadPoolBuilder::new();
+    if let Some(threads) = threads {
+        pool = pool.num_threads(usize::from(threads));
+    }
+    pool.build()
+        .map_err(|e| Failure::internal(format!("threads cannot be started: {e}")))
+}
+
 /// Prints what was asked for to standard output.
 fn print(text: &str) -> Result<(), Failure> {
     let mut stdout = io::stdout().lock();

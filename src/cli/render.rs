@@ -8,7 +8,7 @@ use super::output::{self, Target};
 use super::progress::Progress;
 use super::progress_image::{self, ProgressImage, Snapshot};
 use super::stats::{ErrorStats, Stats, peak_memory_bytes, process_seconds};
-use super::{Failure, RenderArgs, tell, with_backend};
+use super::{Failure, RenderArgs, tell, thread_pool, with_backend};
 use crate::accel::{Accel, BuildOptions, BuildQuality, Intersector};
 use crate::error;
 use crate::film::{Film, Rect};
@@ -33,14 +33,8 @@ pub(super) fn run(args: &RenderArgs) -> Result<u8, Failure> {
         output::check_writable(stats)?;
     }
     let interrupt = Interrupt::watch().map_err(|e| Failure::internal(format!("signals cannot be watched: {e}")))?;
-    let mut pool = rayon::ThreadPoolBuilder::new();
-    if let Some(threads) = args.threads {
-        pool = pool.num_threads(usize::from(threads));
-    }
-    let pool = pool
-        .build()
-        .map_err(|e| Failure::internal(format!("threads cannot be started: {e}")))?;
-    pool.install(|| with_backend!(args.backend, run_on(args, &budget, &targets, layers, &interrupt)))
+    thread_pool(args.threads)?
+        .install(|| with_backend!(args.backend, run_on(args, &budget, &targets, layers, &interrupt)))
 }
 
 fn run_on<A: Accel>(

@@ -7,7 +7,7 @@ mod store;
 
 use super::interrupt::Interrupt;
 use super::progress::Progress;
-use super::{Failure, SOFTWARE, tell};
+use super::{Failure, SOFTWARE, tell, thread_pool};
 use crate::image::display;
 use crate::integrator::Settings;
 use crate::light::EnvSampling;
@@ -49,14 +49,7 @@ impl From<Failure> for Ended {
 pub(super) fn run(args: &StudyArgs) -> Result<u8, Failure> {
     let plan = Plan::new(args)?;
     let interrupt = Interrupt::watch().map_err(|e| Failure::internal(format!("signals cannot be watched: {e}")))?;
-    let mut pool = rayon::ThreadPoolBuilder::new();
-    if let Some(threads) = args.threads {
-        pool = pool.num_threads(usize::from(threads));
-    }
-    let pool = pool
-        .build()
-        .map_err(|e| Failure::internal(format!("threads cannot be started: {e}")))?;
-    pool.install(|| match study(args, &plan, &interrupt) {
+    thread_pool(args.threads)?.install(|| match study(args, &plan, &interrupt) {
         Ok(()) => Ok(0),
         Err(Ended::Failed(failure)) => Err(failure),
         Err(Ended::Interrupted) => {

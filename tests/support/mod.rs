@@ -371,10 +371,15 @@ impl<A: Accel> Prepared<A> {
     }
 }
 
-/// A scene of the repository, at this size, to be rendered with multiple importance sampling.
-pub(crate) fn scene_of_repository<A: Accel>(name: &str, resolution: [u32; 2]) -> Prepared<A> {
+/// A scene of the repository.
+pub(crate) fn load_scene(name: &str) -> SceneDesc {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}/{name}.toml"));
-    let mut desc = load(&path, LoadOptions::default()).expect("the scenes of the repository load");
+    load(&path, LoadOptions { strict: true }).expect("the scenes have no faults")
+}
+
+/// The same at this size, to be rendered with multiple importance sampling.
+pub(crate) fn scene_of_repository<A: Accel>(name: &str, resolution: [u32; 2]) -> Prepared<A> {
+    let mut desc = load_scene(name);
     desc.camera.resolution = resolution;
     let options = SceneOptions {
         mis: true,
