@@ -7,8 +7,9 @@
 //! the image would be too dark; Kirk and Arvo 1991, "Unbiased sampling techniques for image synthesis".) Only how far all
 //! sampling goes depends on the whole image, by one number.
 
-use crate::error::{self, RELATIVE_OFFSET};
+use crate::error;
 use crate::film::{Cell, Film, PixelSums};
+use crate::image::compare::RELATIVE_OFFSET;
 use crate::render::plan_evenly;
 
 /// When an image is good enough.
@@ -16,7 +17,7 @@ use crate::render::plan_evenly;
 pub struct NoiseTarget {
     /// Largest relative root-mean-square error ([`error::ErrorEstimate::relative_rmse`]), above 0.
     pub relative_rmse: f64,
-    /// Samples that every pixel gets before any gets more, 2 or more.
+    /// Samples that every pixel gets before any gets more, 2 or more; no more than the most that any gets.
     pub min_spp: u32,
 }
 
@@ -42,7 +43,9 @@ struct Found {
 /// Decides about samples, round by round.
 #[derive(Clone, Debug)]
 pub(crate) struct Planner {
-    target: NoiseTarget,
+    /// The relMSE to reach.
+    target: f64,
+    min_spp: u32,
     cap: u32,
     /// What the first `min_spp << level` samples of each cell tell, where there are so many.
     levels: Vec<Vec<Option<Found>>>,
@@ -52,7 +55,8 @@ impl Planner {
     /// For a film in which no pixel is to get more than `cap` samples.
     pub(crate) fn new(target: NoiseTarget, cap: u32) -> Planner {
         Planner {
-            target,
+            target: target.relative_rmse * target.relative_rmse,
+            min_spp: target.min_spp.min(cap).max(1),
             cap,
             levels: Vec::new(),
         }
@@ -62,27 +66,26 @@ impl Planner {
     /// `None` when the error is at the target, or all pixels at the cap.
     pub(crate) fn plan(&mut self, film: &mut Film) -> Option<u64> {
         let fewest = film.cells().map(|cell| cell.samples).min()?;
-        if fewest < self.target.min_spp.min(self.cap) {
-            return plan_evenly(film, self.target.min_spp.min(self.cap));
+        if fewest < self.min_spp {
+            return plan_evenly(film, self.min_spp);
         }
-        let target = self.target.relative_rmse * self.target.relative_rmse;
         let error = error::estimate(film)?.relmse.value;
-        if error <= target {
+        if error <= self.target {
             return None;
         }
         self.record(film);
-        let level = (fewest / self.target.min_spp).ilog2() as usize;
+        let level = (fewest / self.min_spp).ilog2() as usize;
         let variances = relative_variances(film, &self.levels[level]);
-        self.share(film, &variances, target / error)
+        self.share(film, &variances, self.target / error)
     }
 
     /// Keeps what each cell tells that has just reached a level.
     fn record(&mut self, film: &Film) {
+        let cells = film.cells().count();
         for (i, (cell, pixels)) in film.cells_and_pixels().enumerate() {
             let Some(level) = self.level_of(cell.samples) else {
                 continue;
             };
-            let cells = film.cells().count();
             while self.levels.len() <= level {
                 self.levels.push(vec![None; cells]);
             }
@@ -92,15 +95,15 @@ impl Planner {
 
     /// The level that has exactly so many samples.
     fn level_of(&self, samples: u32) -> Option<usize> {
-        let times = samples / self.target.min_spp;
-        (times.is_power_of_two() && times * self.target.min_spp == samples).then(|| times.ilog2() as usize)
+        let times = samples / self.min_spp;
+        (times.is_power_of_two() && times * self.min_spp == samples).then(|| times.ilog2() as usize)
     }
 
     /// Samples that a cell may have at the end of the next round: a step that is not too large, because each round knows more
     /// than the one before, and that ends at the next level.
     fn limit(&self, samples: u32) -> u32 {
-        let level = (samples / self.target.min_spp).ilog2() + 1;
-        let next_level = u64::from(self.target.min_spp) << level;
+        let level = (samples / self.min_spp).ilog2() + 1;
+        let next_level = u64::from(self.min_spp) << level;
         let step = u64::from(samples) + u64::from((samples / 2).max(LEAST_STEP));
         next_level.min(step).min(self.cap.into()) as u32
     }

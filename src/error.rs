@@ -8,12 +8,10 @@
 
 use crate::film::Film;
 use crate::image::Image;
+use crate::image::compare::RELATIVE_OFFSET;
 use crate::math::Rgb;
 use rayon::prelude::*;
 use serde::Serialize;
-
-/// The relative error of a black pixel is finite by this; see [`crate::image::compare`].
-pub(crate) const RELATIVE_OFFSET: f64 = 0.01;
 
 /// Of the standard normal distribution, for 95 % between the two ends.
 const QUANTILE: f64 = 1.96;

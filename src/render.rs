@@ -37,7 +37,7 @@ pub struct Job {
 /// What is done about the error of the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum ErrorControl {
-    /// Nothing.
+    /// Nothing: every pixel gets the same number of samples.
     #[default]
     Ignored,
     /// Samples go where the error is until the image is as good as this.
@@ -102,7 +102,8 @@ pub fn render<A: Accel>(scene: &Scene, accel: &A, kernel: Kernel, job: &Job) -> 
 ///
 /// # Panics
 /// If the scene was built for multiple importance sampling ([`crate::scene::SceneOptions::mis`]) and the settings are without:
-/// light would be missing.
+/// light would be missing. If the error is bounded and the sampler does not tell it
+/// ([`crate::sampling::SamplerKind::has_independent_halves`]).
 pub fn render_watched<A: Accel>(
     scene: &Scene,
     accel: &A,
@@ -114,6 +115,10 @@ pub fn render_watched<A: Accel>(
     assert!(
         job.settings.mis || !needs_mis,
         "the scene was built for multiple importance sampling"
+    );
+    assert!(
+        job.error == ErrorControl::Ignored || job.settings.sampler.has_independent_halves(),
+        "the sampler does not tell the error that is to be bounded"
     );
     let (mut film, mut planner) = match job.error {
         ErrorControl::Ignored => (Film::new(job.crop), None),

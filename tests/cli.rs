@@ -633,6 +633,14 @@ fn an_error_out_of_reach_is_an_exit_code_of_its_own_and_keeps_the_image() {
         (&stats["stopped_by"], &stats["spp"], &stats["spp_most"]),
         (&"spp".into(), &40.into(), &40.into())
     );
+    // Fewer samples than are usual before the error is judged; and one, which tells nothing of it.
+    for spp in [8, 2, 1] {
+        let ran = folder.run(&format!(
+            "render scene.toml -o few.exr --noise 1e-6 --spp {spp} --stats s.json"
+        ));
+        assert_eq!(ran.code, Some(5), "{spp}: {}", ran.stderr);
+        assert_eq!(folder.json("s.json")["spp"], spp);
+    }
     let ran = folder.run("render scene.toml -o late.exr --noise 1e-6 --time 300ms");
     assert_eq!(ran.code, Some(5), "{}", ran.stderr);
     assert_eq!(folder.exr("late.exr").width, 16);

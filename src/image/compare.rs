@@ -11,9 +11,9 @@ use super::flip::hdr_flip;
 use crate::math::Rgb;
 
 /// Keeps the relative error of a black reference pixel finite.
-const RELATIVE_OFFSET: f64 = 0.01;
+pub const RELATIVE_OFFSET: f64 = 0.01;
 /// The share of the pixels that the trimmed relMSE drops: fireflies, whose number says more about luck than about quality.
-const TRIMMED_SHARE: f64 = 0.001;
+pub(crate) const TRIMMED_SHARE: f64 = 0.001;
 
 /// What [`compare`] found. Every mean is NaN (null in JSON) if no pixel is finite in both images.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -2,6 +2,7 @@
 
 use super::renderer::Renderer;
 use crate::film::{Film, Rect};
+use crate::image::compare::RELATIVE_OFFSET;
 use crate::integrator::{SampleId, Settings};
 use crate::math::Rgb;
 use serde::{Deserialize, Serialize};
@@ -106,7 +107,7 @@ fn compare(single: &[[f32; 3]], means: &[[f64; 3]], spp: u32) -> AccumulationPoi
     let (mut squares, mut sum, mut expected) = (0.0, 0.0, 0.0);
     for (single, mean) in single.iter().flatten().zip(means.iter().flatten()) {
         let value = f64::from(*single) / f64::from(spp);
-        squares += (value - mean) * (value - mean) / (mean * mean + super::measure::RELATIVE_OFFSET);
+        squares += (value - mean) * (value - mean) / (mean * mean + RELATIVE_OFFSET);
         sum += value;
         expected += mean;
     }

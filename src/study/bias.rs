@@ -10,8 +10,9 @@
 //! covariances that are diagonal. Rare bright samples enlarge the spread by the fourth power, so that the test grows
 //! careful with them rather than wrong.
 
-use super::measure::{RELATIVE_OFFSET, Replications, luminance};
+use super::measure::{Replications, luminance};
 use super::reference::{REPLICATIONS, Reference};
+use crate::image::compare::RELATIVE_OFFSET;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, Normal};
 

@@ -4,20 +4,15 @@
 
 use crate::film::Film;
 use crate::image::Image;
+use crate::image::compare::{RELATIVE_OFFSET, TRIMMED_SHARE};
 use crate::math::Rgb;
 use serde::{Deserialize, Serialize};
-
-/// Keeps relative errors of black pixels finite; the same as in `embrace compare`.
-pub const RELATIVE_OFFSET: f64 = 0.01;
 
 /// How many times brighter than everything around it in the reference a pixel is to count as a firefly.
 pub const FIREFLY_FACTOR: f64 = 4.0;
 
 /// How many pixels around it, to each side.
 pub const FIREFLY_RADIUS: u32 = 2;
-
-/// The share of the pixels, largest errors first, that the trimmed relMSE leaves out.
-const TRIMMED_SHARE: f64 = 0.001;
 
 /// Means of pixels, row by row.
 #[derive(Clone, Debug, PartialEq)]

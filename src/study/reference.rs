@@ -1,7 +1,8 @@
 //! What images are compared with: given, or rendered as several independent images, so that its own noise is known.
 
-use super::measure::{Pixels, RELATIVE_OFFSET, Replications, brightest_around};
+use super::measure::{Pixels, Replications, brightest_around};
 use super::renderer::{Renderer, Stop};
+use crate::image::compare::RELATIVE_OFFSET;
 use crate::integrator::{Lighting, Settings};
 use serde::{Deserialize, Serialize};
 
