@@ -12,8 +12,9 @@ use crate::accel::Accel;
 use crate::film::{Film, Rect};
 use crate::image::exr::Layer;
 use crate::integrator::{Batch, Kernel, SampleId, Settings};
-use crate::interaction::{SurfaceInteraction, texture_coordinates};
+use crate::interaction::SurfaceInteraction;
 use crate::math::DVec3;
+use crate::sampling::{Dimension, Sampler};
 use crate::scene::{Scene, nearest};
 use rayon::prelude::*;
 use thiserror::Error;
@@ -223,13 +224,13 @@ impl FirstHits {
                 if stop() {
                     return None;
                 }
-                for (SampleId { x, y, .. }, ray, hit) in kernel.first_hits(scene, accel, settings, batch) {
-                    let Some(si) = SurfaceInteraction::new::<true>(&scene.geometry, &ray, &hit, false) else {
+                for (SampleId { x, y, sample }, ray, hit) in kernel.first_hits(scene, accel, settings, batch) {
+                    let Some(mut si) = SurfaceInteraction::new::<true>(&scene.geometry, &ray, &hit, false) else {
                         continue;
                     };
-                    let material = &scene.materials[scene.surfaces[hit.placement as usize].material as usize];
-                    let uv = || texture_coordinates(&scene.geometry, &hit);
-                    let bsdf = material.bsdf::<true, true>(&scene.textures, uv, si.front);
+                    // Mixtures are chosen from by the sampler, as the image does.
+                    let sampler = Sampler::new(settings.sampler, settings.seed, x, y, sample);
+                    let bsdf = scene.general_bsdf(&hit, &mut si, || sampler.get_1d(Dimension::Blend));
                     let sums = &mut sums[((y - band.y0) * band.width() + (x - band.x0)) as usize];
                     sums.albedo += DVec3::from(bsdf.albedo().to_array().map(f64::from));
                     sums.normal += si.frame.n.as_dvec3();

@@ -22,6 +22,8 @@ pub struct CameraDesc {
     pub aperture_radius: f64,
     /// Distance of the plane in focus along the view; absent: the distance of `look_at`.
     pub focus_distance: Option<f64>,
+    /// Whether left and right are exchanged in the image.
+    pub mirrored: bool,
 }
 
 /// Why there is no camera for a description. The text names the key.
@@ -103,6 +105,7 @@ impl Camera {
         let up = right.cross(forward);
         let half_height = (desc.vfov_degrees.to_radians() * 0.5).tan();
         let half_width = half_height * f64::from(desc.resolution[0]) / f64::from(desc.resolution[1]);
+        let right = if desc.mirrored { -right } else { right };
         Ok(Camera {
             origin: desc.position.as_vec3(),
             right: (right * half_width).as_vec3(),
@@ -165,6 +168,7 @@ mod tests {
             resolution: [4, 2],
             aperture_radius: 0.0,
             focus_distance: None,
+            mirrored: false,
         }
     }
 

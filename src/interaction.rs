@@ -21,7 +21,8 @@
 //!   square of the triangle size.
 
 use crate::accel::{Geometry, Hit, Ray};
-use crate::math::{Frame, Vec2, Vec3};
+use crate::material::SurfacePoint;
+use crate::math::{Frame, Rgb, Vec2, Vec3};
 use glam::Affine3A;
 
 /// Bound on the rounding of a coordinate, relative to the largest that it is computed from: 2⁻²⁰, eight ulps. Interpolation
@@ -137,6 +138,44 @@ pub fn texture_coordinates(geometry: &Geometry, hit: &Hit) -> Vec2 {
     }
     let [a, b, c] = mesh.indices[hit.triangle as usize].map(|i| mesh.uvs[i as usize]);
     a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v
+}
+
+/// Texture coordinates and vertex colour at a hit.
+#[inline(always)]
+pub fn surface_point(geometry: &Geometry, hit: &Hit) -> SurfacePoint {
+    let mesh = &*geometry.meshes[geometry.placements[hit.placement as usize].mesh as usize];
+    let color = if mesh.colors.is_empty() {
+        Rgb::WHITE
+    } else {
+        let [a, b, c] = mesh.indices[hit.triangle as usize].map(|i| mesh.colors[i as usize]);
+        a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v
+    };
+    SurfacePoint {
+        uv: texture_coordinates(geometry, hit),
+        color,
+    }
+}
+
+/// The directions in world coordinates along which the two texture coordinates grow at a hit, as fast as 1 for each unit of
+/// them; `None` where the mesh has no texture coordinates, or the triangle no area in them.
+pub fn texture_directions(geometry: &Geometry, hit: &Hit) -> Option<[Vec3; 2]> {
+    let mesh = &*geometry.meshes[geometry.placements[hit.placement as usize].mesh as usize];
+    if mesh.uvs.is_empty() {
+        return None;
+    }
+    let [a, b, c] = geometry
+        .world_triangle(hit.placement, hit.triangle)
+        .map(|p| p.as_dvec3());
+    let [uv_a, uv_b, uv_c] = mesh.indices[hit.triangle as usize].map(|i| mesh.uvs[i as usize].as_dvec2());
+    let (edge_b, edge_c) = (uv_b - uv_a, uv_c - uv_a);
+    let determinant = edge_b.perp_dot(edge_c);
+    let dp_du = ((b - a) * edge_c.y - (c - a) * edge_b.y) / determinant;
+    let dp_dv = ((c - a) * edge_b.x - (b - a) * edge_c.x) / determinant;
+    let directions = [dp_du.as_vec3(), dp_dv.as_vec3()];
+    directions
+        .iter()
+        .all(|d| d.is_finite() && *d != Vec3::ZERO)
+        .then_some(directions)
 }
 
 /// The triangle of a hit, in world coordinates, with what shading takes from its mesh: all that has to be fetched.
@@ -282,6 +321,11 @@ impl SurfaceInteraction {
             p_error,
             lift: lifted,
         }
+    }
+
+    /// Turns the shading normal to `n`, on the side of `wo`.
+    pub fn set_shading_normal(&mut self, n: Vec3) {
+        self.frame = Frame::from_normal(bend_towards(n, self.wo));
     }
 
     /// Where rays to the given side start: that of `wo`, or the opposite one.

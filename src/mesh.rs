@@ -1,6 +1,6 @@
 //! Indexed triangle meshes.
 
-use crate::math::{DAffine3, DMat3, DVec3, Vec2, Vec3};
+use crate::math::{DAffine3, DMat3, DVec3, Rgb, Vec2, Vec3};
 use rayon::prelude::*;
 use thiserror::Error;
 
@@ -17,6 +17,8 @@ pub struct TriangleMesh<P = Vec3> {
     pub normals: Vec<Vec3>,
     /// Texture coordinates, one per position, or empty. `v = 0` is the bottom row of an image.
     pub uvs: Vec<Vec2>,
+    /// Linear colours, one per position, or empty: white.
+    pub colors: Vec<Rgb>,
     /// Corner indices of each triangle.
     pub indices: Vec<[u32; 3]>,
 }
@@ -45,7 +47,7 @@ pub enum MeshError {
     /// An attribute array has another length than the positions.
     #[error("the mesh has {vertices} vertices but {count} {attribute}")]
     Attribute {
-        /// "normals" or "texture coordinates".
+        /// "normals", "texture coordinates" or "colours".
         attribute: &'static str,
         /// Length of the array.
         count: usize,
@@ -68,7 +70,11 @@ impl TriangleMesh<DVec3> {
         if self.indices.is_empty() {
             return Err(MeshError::Empty);
         }
-        for (attribute, count) in [("normals", self.normals.len()), ("texture coordinates", self.uvs.len())] {
+        for (attribute, count) in [
+            ("normals", self.normals.len()),
+            ("texture coordinates", self.uvs.len()),
+            ("colours", self.colors.len()),
+        ] {
             if count != 0 && count != vertices {
                 return Err(MeshError::Attribute {
                     attribute,
@@ -113,6 +119,7 @@ impl TriangleMesh<DVec3> {
             positions,
             mut normals,
             uvs,
+            colors,
             mut indices,
         } = self;
         // A uniform scale leaves normals as they are, to the bit.
@@ -134,6 +141,7 @@ impl TriangleMesh<DVec3> {
             positions: positions.par_iter().map(place).collect(),
             normals,
             uvs,
+            colors,
             indices,
         }
     }
@@ -159,6 +167,7 @@ impl TriangleMesh {
             positions: self.positions.iter().map(|p| p.as_dvec3()).collect(),
             normals: self.normals,
             uvs: self.uvs,
+            colors: self.colors,
             indices: self.indices,
         }
     }
@@ -176,6 +185,7 @@ impl TriangleMesh {
         size_of_val(&*self.positions)
             + size_of_val(&*self.normals)
             + size_of_val(&*self.uvs)
+            + size_of_val(&*self.colors)
             + size_of_val(&*self.indices)
     }
 }

@@ -1,7 +1,7 @@
-//! Bitmap textures: bilinear, repeating, decoded to linear before interpolation.
+//! Bitmap textures, decoded to linear before interpolation.
 
 use crate::image::Image;
-use crate::math::{Rgb, Vec2, srgb_decode};
+use crate::math::{Affine2, Rgb, Vec2, srgb_decode};
 use std::sync::LazyLock;
 
 /// How the numbers of an 8-bit image stand for light.
@@ -22,15 +22,84 @@ pub enum Texture {
     Rgb32(Image<Rgb>),
 }
 
-/// Placement of a bitmap on the surface: texture coordinates are scaled, then shifted.
+/// What lies beyond the edges of a bitmap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Wrap {
+    /// The bitmap again.
+    #[default]
+    Repeat,
+    /// Its mirror image.
+    Mirror,
+    /// The texels of the edge.
+    Clamp,
+}
+
+/// What lies between texel centres.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Filter {
+    /// The bilinear mean of the four around.
+    #[default]
+    Bilinear,
+    /// The nearest.
+    Nearest,
+}
+
+/// Placement of a bitmap on the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextureMap {
     /// Index of the texture in the scene.
     pub texture: u32,
-    /// Repeats per unit of the texture coordinates.
-    pub scale: Vec2,
-    /// Shift after scaling.
-    pub offset: Vec2,
+    /// Texture coordinates of the mesh to those of the bitmap.
+    pub to_uv: Affine2,
+    /// What lies beyond the edges, by column and row.
+    pub wrap: [Wrap; 2],
+    /// What lies between texels.
+    pub filter: Filter,
+}
+
+impl TextureMap {
+    /// The whole bitmap on each unit of the texture coordinates.
+    pub fn new(texture: u32) -> TextureMap {
+        TextureMap {
+            texture,
+            to_uv: Affine2::IDENTITY,
+            wrap: [Wrap::Repeat; 2],
+            filter: Filter::Bilinear,
+        }
+    }
+
+    /// The colour at texture coordinates of the mesh.
+    #[inline(always)]
+    pub fn lookup(&self, textures: &[Texture], uv: Vec2) -> Rgb {
+        let texture = &textures[self.texture as usize];
+        texture.lookup(self.footprint(texture, uv))
+    }
+
+    /// How much the mean of the channels grows along the two texture coordinates of the mesh, by the bilinear interpolant
+    /// around them, whatever the filter.
+    pub fn gradient(&self, textures: &[Texture], uv: Vec2) -> Vec2 {
+        let texture = &textures[self.texture as usize];
+        let footprint = self.footprint(texture, uv);
+        let mean = |rgb: Rgb| (rgb.r + rgb.g + rgb.b) * (1.0 / 3.0);
+        let [a, b, c, d] = texture.texels(footprint.indices).map(mean);
+        let (width, height) = texture.size();
+        // Rows go down, v goes up.
+        let columns = (b - a) * (1.0 - footprint.fy) + (d - c) * footprint.fy;
+        let rows = (c - a) * (1.0 - footprint.fx) + (d - b) * footprint.fx;
+        let by_bitmap = Vec2::new(columns * width as f32, -rows * height as f32);
+        self.to_uv.matrix2.transpose() * by_bitmap
+    }
+
+    #[inline(always)]
+    fn footprint(&self, texture: &Texture, uv: Vec2) -> Footprint {
+        let (width, height) = texture.size();
+        let mut footprint = Footprint::new(width, height, self.wrap, self.to_uv.transform_point2(uv));
+        if self.filter == Filter::Nearest {
+            footprint.fx = footprint.fx.round();
+            footprint.fy = footprint.fy.round();
+        }
+        footprint
+    }
 }
 
 static SRGB_TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|i| srgb_decode(i as f32 / 255.0)));
@@ -43,13 +112,11 @@ struct Footprint {
 }
 
 impl Footprint {
-    /// `uv` repeats with period 1; `v = 0` is the bottom edge of the image; texel centres lie at (i + 1/2) / n.
+    /// `v = 0` is the bottom edge of the image; texel centres lie at (i + 1/2) / n.
     #[inline(always)]
-    fn new(width: u32, height: u32, uv: Vec2) -> Footprint {
-        // Coordinates that are not finite look up the first texel: a defined value for a damaged mesh.
-        let wrap = |c: f32| if c.is_finite() { c - c.floor() } else { 0.0 };
-        let (x, x0, x1) = neighbours(wrap(uv.x), width);
-        let (y, y0, y1) = neighbours(1.0 - wrap(uv.y), height);
+    fn new(width: u32, height: u32, [wrap_x, wrap_y]: [Wrap; 2], uv: Vec2) -> Footprint {
+        let (x, x0, x1) = neighbours(wrap_x.period(uv.x), width, wrap_x);
+        let (y, y0, y1) = neighbours(1.0 - wrap_y.period(uv.y), height, wrap_y);
         let row = width as usize;
         Footprint {
             indices: [y0 * row + x0, y0 * row + x1, y1 * row + x0, y1 * row + x1],
@@ -65,38 +132,72 @@ impl Footprint {
     }
 }
 
-/// The fraction and the two texels, wrapping, that surround the coordinate `c` in [0, 1].
+impl Wrap {
+    /// The coordinate in [0, 1] that looks the same.
+    #[inline(always)]
+    fn period(self, c: f32) -> f32 {
+        // Coordinates that are not finite look up the first texel: a defined value for a damaged mesh.
+        if !c.is_finite() {
+            return 0.0;
+        }
+        match self {
+            Wrap::Repeat => c - c.floor(),
+            Wrap::Mirror => {
+                let c = c * 0.5 - (c * 0.5).floor();
+                1.0 - (2.0 * c - 1.0).abs()
+            }
+            Wrap::Clamp => c.clamp(0.0, 1.0),
+        }
+    }
+}
+
+/// The fraction and the two texels that surround the coordinate `c` in [0, 1].
 #[inline(always)]
-fn neighbours(c: f32, n: u32) -> (f32, usize, usize) {
+fn neighbours(c: f32, n: u32, wrap: Wrap) -> (f32, usize, usize) {
     let position = c * n as f32 - 0.5;
     let low = position.floor();
     // From -1 to n - 1: comparisons are a tenth of the time of a division with remainder.
     let i = low as i32;
     let n = n as i32;
-    let first = if i < 0 { n - 1 } else { i.min(n - 1) };
-    let second = if first + 1 == n { 0 } else { first + 1 };
+    let (before, after) = match wrap {
+        Wrap::Repeat => (n - 1, 0),
+        Wrap::Mirror | Wrap::Clamp => (0, n - 1),
+    };
+    let first = if i < 0 { before } else { i.min(n - 1) };
+    let second = if i + 1 >= n { after } else { i + 1 };
     (position - low, first as usize, second as usize)
 }
 
 impl Texture {
-    /// The colour at a texture coordinate.
+    /// Columns and rows.
     #[inline(always)]
-    pub fn lookup(&self, uv: Vec2) -> Rgb {
+    pub fn size(&self) -> (u32, u32) {
         match self {
-            Texture::Rgb8(image, encoding) => {
-                let footprint = Footprint::new(image.width, image.height, uv);
-                match encoding {
-                    Encoding::Srgb => {
-                        let decode = &*SRGB_TO_LINEAR;
-                        footprint.blend(|i| Rgb::from(image.pixels[i].map(|c| decode[usize::from(c)])))
-                    }
-                    Encoding::Linear => {
-                        footprint.blend(|i| Rgb::from(image.pixels[i].map(|c| f32::from(c) * (1.0 / 255.0))))
-                    }
-                }
-            }
-            Texture::Rgb32(image) => Footprint::new(image.width, image.height, uv).blend(|i| image.pixels[i]),
+            Texture::Rgb8(image, _) => (image.width, image.height),
+            Texture::Rgb32(image) => (image.width, image.height),
         }
+    }
+
+    #[inline(always)]
+    fn lookup(&self, footprint: Footprint) -> Rgb {
+        match self {
+            Texture::Rgb8(image, Encoding::Srgb) => {
+                let decode = &*SRGB_TO_LINEAR;
+                footprint.blend(|i| Rgb::from(image.pixels[i].map(|c| decode[usize::from(c)])))
+            }
+            Texture::Rgb8(image, Encoding::Linear) => {
+                footprint.blend(|i| Rgb::from(image.pixels[i].map(|c| f32::from(c) * (1.0 / 255.0))))
+            }
+            Texture::Rgb32(image) => footprint.blend(|i| image.pixels[i]),
+        }
+    }
+
+    fn texels(&self, indices: [usize; 4]) -> [Rgb; 4] {
+        indices.map(|i| match self {
+            Texture::Rgb8(image, Encoding::Srgb) => Rgb::from(image.pixels[i].map(|c| SRGB_TO_LINEAR[usize::from(c)])),
+            Texture::Rgb8(image, Encoding::Linear) => Rgb::from(image.pixels[i].map(|c| f32::from(c) * (1.0 / 255.0))),
+            Texture::Rgb32(image) => image.pixels[i],
+        })
     }
 
     /// Bytes of the texels.
@@ -126,31 +227,41 @@ mod tests {
 
     #[test]
     fn v_zero_is_the_bottom_row_and_texel_centres_are_exact() {
-        let texture = two_by_two();
-        assert_eq!(texture.lookup(Vec2::new(0.25, 0.25)), Rgb::new(0.0, 1.0, 0.0));
-        assert_eq!(texture.lookup(Vec2::new(0.75, 0.75)), Rgb::new(1.0, 0.0, 0.0));
+        let texture = [two_by_two()];
+        assert_eq!(
+            TextureMap::new(0).lookup(&texture, Vec2::new(0.25, 0.25)),
+            Rgb::new(0.0, 1.0, 0.0)
+        );
+        assert_eq!(
+            TextureMap::new(0).lookup(&texture, Vec2::new(0.75, 0.75)),
+            Rgb::new(1.0, 0.0, 0.0)
+        );
     }
 
     #[test]
     fn lookups_repeat_and_blend_across_the_border() {
-        let texture = two_by_two();
-        let a = texture.lookup(Vec2::new(0.0, 0.25));
+        let texture = [two_by_two()];
+        let a = TextureMap::new(0).lookup(&texture, Vec2::new(0.0, 0.25));
         assert!((a.r - 0.5).abs() < 1e-6 && (a.g - 1.0).abs() < 1e-6, "{a:?}");
-        let far = texture.lookup(Vec2::new(-3.0, 5.25));
+        let far = TextureMap::new(0).lookup(&texture, Vec2::new(-3.0, 5.25));
         assert!((far.r - a.r).abs() < 1e-5 && (far.g - a.g).abs() < 1e-5);
-        assert!(texture.lookup(Vec2::new(f32::NAN, f32::INFINITY)).is_finite());
+        assert!(
+            TextureMap::new(0)
+                .lookup(&texture, Vec2::new(f32::NAN, f32::INFINITY))
+                .is_finite()
+        );
     }
 
     #[test]
     fn srgb_texels_are_decoded_before_they_are_blended() {
-        let texture = Texture::Rgb8(
+        let texture = [Texture::Rgb8(
             Image {
                 width: 2,
                 height: 1,
                 pixels: vec![[0; 3], [255; 3]],
             },
             Encoding::Srgb,
-        );
-        assert!((texture.lookup(Vec2::new(0.5, 0.5)).r - 0.5).abs() < 1e-6);
+        )];
+        assert!((TextureMap::new(0).lookup(&texture, Vec2::new(0.5, 0.5)).r - 0.5).abs() < 1e-6);
     }
 }

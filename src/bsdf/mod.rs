@@ -6,17 +6,23 @@
 use crate::math::{Rgb, Vec3};
 use crate::sampling::warp;
 
+mod coated;
 mod conductor;
 mod dielectric;
 mod diffuse;
 mod microfacet;
 mod plastic;
+mod principled;
+mod rough;
 
+pub use coated::{CoatTable, CoatedDiffuse};
 pub use conductor::Conductor;
 pub use dielectric::Dielectric;
 pub use diffuse::Diffuse;
 pub use microfacet::SMOOTH_ALPHA;
 pub use plastic::{MIN_ALPHA as PLASTIC_MIN_ALPHA, Plastic};
+pub use principled::PrincipledBsdf;
+pub use rough::{Distribution, RoughGlass, RoughMetal, ThinGlass};
 
 /// A scattering function with its parameters at one point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,6 +37,16 @@ pub enum Bsdf {
     Mirror(Rgb),
     /// A diffuse base under a rough dielectric coat.
     Plastic(Plastic),
+    /// Metal with all parameters.
+    RoughMetal(RoughMetal),
+    /// Glass with all parameters.
+    RoughGlass(RoughGlass),
+    /// A sheet of glass.
+    ThinGlass(ThinGlass),
+    /// A diffuse base under glass, with light between them.
+    CoatedDiffuse(CoatedDiffuse),
+    /// Metal, plastic, glass and cloth in one.
+    Principled(PrincipledBsdf),
 }
 
 /// Value and density of a pair of directions.
@@ -90,7 +106,11 @@ impl Bsdf {
             Bsdf::Conductor(bsdf) => bsdf.eval(wo, wi),
             Bsdf::Dielectric(bsdf) => bsdf.eval(wo, wi),
             Bsdf::Plastic(bsdf) => bsdf.eval(wo, wi),
-            Bsdf::Mirror(_) => BsdfEval::ZERO,
+            Bsdf::RoughMetal(bsdf) => bsdf.eval(wo, wi),
+            Bsdf::RoughGlass(bsdf) => bsdf.eval(wo, wi),
+            Bsdf::CoatedDiffuse(bsdf) => bsdf.eval(wo, wi),
+            Bsdf::Principled(bsdf) => bsdf.eval(wo, wi),
+            Bsdf::Mirror(_) | Bsdf::ThinGlass(_) => BsdfEval::ZERO,
         }
     }
 
@@ -103,6 +123,11 @@ impl Bsdf {
             Bsdf::Conductor(bsdf) => bsdf.sample(wo, u),
             Bsdf::Dielectric(bsdf) => bsdf.sample(wo, lobe, u),
             Bsdf::Plastic(bsdf) => bsdf.sample(wo, lobe, u),
+            Bsdf::RoughMetal(bsdf) => bsdf.sample(wo, lobe, u),
+            Bsdf::RoughGlass(bsdf) => bsdf.sample(wo, lobe, u),
+            Bsdf::ThinGlass(bsdf) => bsdf.sample(wo, lobe, u),
+            Bsdf::CoatedDiffuse(bsdf) => bsdf.sample(wo, lobe, u),
+            Bsdf::Principled(bsdf) => bsdf.sample(wo, lobe, u),
             Bsdf::Mirror(reflectance) => {
                 (!reflectance.is_black()).then(|| BsdfSample::delta(reflect_z(wo), *reflectance, 1.0))
             }
@@ -124,6 +149,8 @@ impl Bsdf {
         let BsdfEval { value, .. } = self.eval(wo, wi);
         let eta_squared = match self {
             Bsdf::Dielectric(bsdf) if wi.z < 0.0 => bsdf.eta * bsdf.eta,
+            Bsdf::RoughGlass(bsdf) if wi.z < 0.0 => bsdf.eta * bsdf.eta,
+            Bsdf::Principled(bsdf) if wi.z < 0.0 => bsdf.eta * bsdf.eta,
             _ => 1.0,
         };
         (!value.is_black()).then(|| BsdfSample {
@@ -158,6 +185,11 @@ impl Bsdf {
             Bsdf::Conductor(bsdf) => bsdf.fresnel(1.0),
             Bsdf::Dielectric(_) => Rgb::WHITE,
             Bsdf::Plastic(bsdf) => bsdf.albedo(),
+            Bsdf::RoughMetal(bsdf) => bsdf.albedo(),
+            Bsdf::RoughGlass(bsdf) => bsdf.albedo(),
+            Bsdf::ThinGlass(bsdf) => bsdf.albedo(),
+            Bsdf::CoatedDiffuse(bsdf) => bsdf.albedo(),
+            Bsdf::Principled(bsdf) => bsdf.albedo(),
             Bsdf::Mirror(reflectance) => *reflectance,
         }
     }
@@ -166,23 +198,42 @@ impl Bsdf {
     #[inline]
     pub fn is_delta(&self) -> bool {
         match self {
-            Bsdf::Diffuse(_) | Bsdf::Plastic(_) => false,
+            Bsdf::Diffuse(_) | Bsdf::Plastic(_) | Bsdf::CoatedDiffuse(_) | Bsdf::Principled(_) => false,
             Bsdf::Conductor(bsdf) => bsdf.is_smooth(),
             Bsdf::Dielectric(bsdf) => bsdf.is_smooth(),
-            Bsdf::Mirror(_) => true,
+            Bsdf::RoughMetal(RoughMetal { alpha, .. }) | Bsdf::RoughGlass(RoughGlass { alpha, .. }) => {
+                alpha.iter().all(|alpha| *alpha < SMOOTH_ALPHA)
+            }
+            Bsdf::Mirror(_) | Bsdf::ThinGlass(_) => true,
+        }
+    }
+
+    /// Whether any lobe is a delta lobe, which only [`Bsdf::sample`] draws.
+    #[inline]
+    pub fn has_delta(&self) -> bool {
+        match self {
+            Bsdf::CoatedDiffuse(bsdf) => bsdf.coat.alpha < SMOOTH_ALPHA,
+            _ => self.is_delta(),
         }
     }
 
     /// Whether sampling chooses between lobes.
     #[inline]
     pub fn has_lobes(&self) -> bool {
-        matches!(self, Bsdf::Dielectric(_) | Bsdf::Plastic(_))
+        !matches!(
+            self,
+            Bsdf::Diffuse(_) | Bsdf::Conductor(_) | Bsdf::Mirror(_) | Bsdf::RoughMetal(_)
+        )
     }
 
     /// Whether light can pass to the other side.
     #[inline]
     pub fn transmits(&self) -> bool {
-        matches!(self, Bsdf::Dielectric(_))
+        match self {
+            Bsdf::Dielectric(_) | Bsdf::RoughGlass(_) | Bsdf::ThinGlass(_) => true,
+            Bsdf::Principled(bsdf) => bsdf.spec_trans > 0.0 && bsdf.metallic < 1.0,
+            _ => false,
+        }
     }
 
     /// Whether nothing is ever scattered.
@@ -191,7 +242,7 @@ impl Bsdf {
         match self {
             Bsdf::Diffuse(bsdf) => bsdf.reflectance.is_black(),
             Bsdf::Mirror(reflectance) => reflectance.is_black(),
-            Bsdf::Conductor(_) | Bsdf::Dielectric(_) | Bsdf::Plastic(_) => false,
+            _ => false,
         }
     }
 }

@@ -13,7 +13,7 @@ use super::vertex::{camera_ray, wide};
 use super::{Kernel, RayCounts, Settings};
 use crate::accel::{Accel, Hit, Ray};
 use crate::film::Rect;
-use crate::interaction::texture_coordinates;
+use crate::interaction::surface_point;
 use crate::sampling::Sampler;
 use crate::scene::{Scene, SceneFeatures};
 
@@ -227,6 +227,6 @@ impl<A: Accel> PathTracer<'_, A> {
         if material.opacity.is_none() {
             return 1.0;
         }
-        material.opacity(&self.scene.textures, texture_coordinates(&self.scene.geometry, hit))
+        material.opacity(&self.scene.textures, || surface_point(&self.scene.geometry, hit))
     }
 }

@@ -11,7 +11,7 @@ use super::{BounceSampling, Roulette, Settings};
 use crate::accel::{Hit, Ray};
 use crate::bsdf::{Bsdf, BsdfEval, BsdfSample, Diffuse};
 use crate::columns::padded;
-use crate::interaction::{ShadingTriangle, SurfaceInteraction, texture_coordinates};
+use crate::interaction::{ShadingTriangle, SurfaceInteraction, surface_point};
 use crate::light::{AreaLight, Chosen, Emitter, LightSample};
 use crate::math::{DVec3, Frame, Rgb, Vec3};
 use crate::sampling::mis::power_heuristic;
@@ -81,6 +81,7 @@ struct Shading<'a, const F: u32> {
 impl<const F: u32> Shading<'_, F> {
     const ENVIRONMENT: bool = SceneFeatures(F).contains(SceneFeatures::ENVIRONMENT);
     const AREA_LIGHTS: bool = SceneFeatures(F).contains(SceneFeatures::AREA_LIGHTS);
+    const GENERAL: bool = SceneFeatures(F).contains(SceneFeatures::GENERAL);
 
     /// Starts a path at the camera for each sample.
     #[inline(always)]
@@ -135,7 +136,7 @@ impl<const F: u32> Shading<'_, F> {
         }
         let n = batch.hits.len();
         let Lanes { paths, vertices, .. } = &mut *batch.lanes;
-        self.find_bsdfs(&batch.hits, vertices);
+        self.find_bsdfs(&batch.hits, depth, paths, vertices);
         self.draw_numbers(n, depth, paths, vertices);
         self.sample_lights(&batch.hits, vertices);
         self.scatter_diffuse(n, paths, vertices);
@@ -266,10 +267,20 @@ impl<const F: u32> Shading<'_, F> {
 
     /// Finds how each hit scatters.
     #[inline(always)]
-    fn find_bsdfs(self, hits: &[Hit], vertices: &mut Vertices) {
+    fn find_bsdfs(self, hits: &[Hit], depth: u32, paths: &Paths, vertices: &mut Vertices) {
         vertices.others.clear();
         for (i, hit) in hits.iter().enumerate() {
-            let bsdf = self.bsdf(hit, vertices.front[i] > 0.0);
+            let is_general = Self::GENERAL && self.scene.surfaces[hit.placement as usize].is_general;
+            let bsdf = if is_general {
+                let sampler = paths.sampler(i, self.settings.sampler, depth);
+                let mut si = self.interaction(i, paths, vertices);
+                let choice = || sampler.get_1d(Dimension::Blend);
+                let bsdf = self.scene.general_bsdf(hit, &mut si, choice);
+                vertices.ns.set(i, si.frame.n);
+                bsdf
+            } else {
+                self.bsdf(hit, vertices.front[i] > 0.0)
+            };
             match bsdf {
                 Bsdf::Diffuse(Diffuse { reflectance })
                     if self.settings.bounce_sampling == BounceSampling::Bsdf || reflectance.is_black() =>
@@ -287,15 +298,17 @@ impl<const F: u32> Shading<'_, F> {
         let surface = &self.scene.surfaces[hit.placement as usize];
         let material = &self.scene.materials[surface.material as usize];
         let textures = &self.scene.textures;
-        let uv = || texture_coordinates(&self.scene.geometry, hit);
+        let point = || surface_point(&self.scene.geometry, hit);
+        // What asks for a direction in the surface takes the general way.
+        let tangent = || [1.0, 0.0];
         match (
             features.contains(SceneFeatures::TEXTURES),
             features.contains(SceneFeatures::SPECULAR),
         ) {
-            (false, false) => material.bsdf::<false, false>(textures, uv, front),
-            (true, false) => material.bsdf::<true, false>(textures, uv, front),
-            (false, true) => material.bsdf::<false, true>(textures, uv, front),
-            (true, true) => material.bsdf::<true, true>(textures, uv, front),
+            (false, false) => material.bsdf::<false, false, false>(textures, point, front, tangent),
+            (true, false) => material.bsdf::<true, false, false>(textures, point, front, tangent),
+            (false, true) => material.bsdf::<false, true, false>(textures, point, front, tangent),
+            (true, true) => material.bsdf::<true, true, false>(textures, point, front, tangent),
         }
     }
 
@@ -543,8 +556,8 @@ impl<const F: u32> Shading<'_, F> {
             0.0
         };
         match self.settings.bounce_sampling {
-            BounceSampling::Cosine if !bsdf.is_delta() => bsdf.sample_hemisphere(wo, true, lobe, u),
-            BounceSampling::Uniform if !bsdf.is_delta() => bsdf.sample_hemisphere(wo, false, lobe, u),
+            BounceSampling::Cosine if !bsdf.has_delta() => bsdf.sample_hemisphere(wo, true, lobe, u),
+            BounceSampling::Uniform if !bsdf.has_delta() => bsdf.sample_hemisphere(wo, false, lobe, u),
             _ => bsdf.sample(wo, lobe, u),
         }
     }
@@ -554,6 +567,7 @@ impl<const F: u32> Shading<'_, F> {
     fn bounce_pdf_w(&self, bsdf: &Bsdf, wi: Vec3, bsdf_pdf_w: f32) -> f32 {
         match self.settings.bounce_sampling {
             BounceSampling::Bsdf => bsdf_pdf_w,
+            _ if bsdf.has_delta() => bsdf_pdf_w,
             BounceSampling::Cosine => bsdf.hemisphere_pdf_w(true, wi),
             BounceSampling::Uniform => bsdf.hemisphere_pdf_w(false, wi),
         }

@@ -50,6 +50,8 @@ pub enum Dimension {
     Roulette,
     /// Passing through a partly transparent surface on the bounce ray; further surfaces take further dimensions.
     Opacity,
+    /// Which of the materials of a mixture; out of the way of repeated [`Dimension::Opacity`].
+    Blend = BOUNCE_STRIDE - 1,
 }
 
 /// Dimensions between two bounces. Larger than the number of names; the rest serves repeated [`Dimension::Opacity`].

@@ -3,12 +3,14 @@
 use super::desc::{EnvironmentDesc, ObjectDesc, SceneDesc};
 use super::features::SceneFeatures;
 use super::origin;
-use crate::accel::{Geometry, Placement};
+use crate::accel::{Geometry, Hit, Placement};
+use crate::bsdf::Bsdf;
 use crate::camera::{Camera, CameraDesc, CameraError};
+use crate::interaction::{SurfaceInteraction, surface_point, texture_directions};
 use crate::light::Emission;
 use crate::light::{EnvSampling, Environment, EnvironmentError, LightSampler, LightSamplerBuilder, LightSampling};
 use crate::material::Material;
-use crate::math::{DAffine3, DVec3};
+use crate::math::{DAffine3, DVec3, Rgb, Vec2, Vec3};
 use crate::mesh::TriangleMesh;
 use crate::texture::Texture;
 use rayon::prelude::*;
@@ -30,6 +32,8 @@ pub struct Surface {
     pub is_delta: bool,
     /// Whether light may come from behind, too.
     pub transmits: bool,
+    /// Whether [`Scene::general_bsdf`] has to be asked how it scatters.
+    pub is_general: bool,
 }
 
 /// Everything that rendering reads, except the acceleration structure.
@@ -137,7 +141,7 @@ impl Scene {
                 return Err(SceneError::Overflow(object.name.clone()));
             }
         }
-        let materials: Vec<Material> = desc.materials.iter().map(|(_, material)| *material).collect();
+        let materials: Vec<Material> = desc.materials.into_iter().map(|(_, material)| material).collect();
 
         let mut lights = LightSamplerBuilder::default();
         let mut surfaces = Vec::with_capacity(desc.objects.len());
@@ -157,8 +161,9 @@ impl Scene {
             surfaces.push(Surface {
                 material: object.material as u32,
                 emission,
-                is_delta: materials[object.material].is_delta(),
-                transmits: materials[object.material].transmits(),
+                is_delta: parts(&materials, object.material).all(Material::is_delta),
+                transmits: parts(&materials, object.material).any(Material::transmits),
+                is_general: parts(&materials, object.material).any(Material::is_general),
             });
         }
         if u32::try_from(lights.len()).is_err() {
@@ -174,6 +179,7 @@ impl Scene {
                 image,
                 scale,
                 rotation_degrees,
+                ..
             }) => Some(Environment::from_map(
                 &image,
                 scale,
@@ -184,15 +190,19 @@ impl Scene {
                 },
             )?),
         };
-        let used =
-            |condition: fn(&Material) -> bool| surfaces.iter().any(|s| condition(&materials[s.material as usize]));
+        let used = |condition: fn(&Material) -> bool| {
+            surfaces
+                .iter()
+                .any(|s| parts(&materials, s.material as usize).any(condition))
+        };
         let features = SceneFeatures::ENVIRONMENT
             .when(environment.is_some())
             .union(SceneFeatures::AREA_LIGHTS.when(!lights.is_empty()))
-            .union(SceneFeatures::TEXTURES.when(used(|m| m.textures().next().is_some())))
+            .union(SceneFeatures::TEXTURES.when(used(Material::varies)))
             .union(SceneFeatures::SMOOTH_NORMALS.when(geometry.meshes.iter().any(|m| !m.normals.is_empty())))
             .union(SceneFeatures::SPECULAR.when(used(|m| !m.is_diffuse())))
-            .union(SceneFeatures::CUTOUTS.when(used(|m| m.opacity.is_some())));
+            .union(SceneFeatures::CUTOUTS.when(used(|m| m.opacity.is_some())))
+            .union(SceneFeatures::GENERAL.when(surfaces.iter().any(|s| s.is_general)));
         Ok(Scene {
             origin,
             camera,
@@ -205,6 +215,30 @@ impl Scene {
             max_depth: desc.max_depth,
             hash: desc.hash,
         })
+    }
+
+    /// How a surface with a general material scatters at a hit, whose shading normal it may turn. `choice` gives a number in
+    /// [0, 1) that mixtures choose by.
+    #[inline(never)]
+    pub fn general_bsdf(&self, hit: &Hit, si: &mut SurfaceInteraction, choice: impl Fn() -> f32) -> Bsdf {
+        let material = &self.materials[self.surfaces[hit.placement as usize].material as usize];
+        let point = || surface_point(&self.geometry, hit);
+        let Some((material, front)) = material.resolve(&self.materials, &self.textures, point, si.front, choice())
+        else {
+            return Bsdf::Mirror(Rgb::BLACK);
+        };
+        let directions = texture_directions(&self.geometry, hit);
+        if let (Some(relief), Some(directions)) = (&material.relief, directions) {
+            let side = if si.front { 1.0 } else { -1.0 };
+            let n = relief.normal(&self.textures, point().uv, si.frame.n * side, directions);
+            si.set_shading_normal(n * side);
+        }
+        let tangent = || {
+            let local = directions.map_or(Vec3::X, |[dp_du, _]| si.frame.to_local(dp_du));
+            let along = Vec2::new(local.x, local.y).try_normalize().unwrap_or(Vec2::X);
+            along.to_array()
+        };
+        material.bsdf::<true, true, true>(&self.textures, point, front, tangent)
     }
 
     /// Triangles of all placements, instances counted each.
@@ -232,6 +266,22 @@ impl Scene {
             ("lights", self.lights.memory_bytes()),
         ]
     }
+}
+
+/// A material and all that it refers to, to any depth.
+fn parts(materials: &[Material], first: usize) -> impl Iterator<Item = &Material> {
+    let mut found = vec![first];
+    let mut next = 0;
+    std::iter::from_fn(move || {
+        let material = &materials[*found.get(next)?];
+        next += 1;
+        for part in material.parts().map(|part| part as usize) {
+            if !found.contains(&part) {
+                found.push(part);
+            }
+        }
+        Some(material)
+    })
 }
 
 /// Whether a transform keeps volumes: its determinant must not vanish against the product of its column lengths.

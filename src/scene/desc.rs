@@ -3,8 +3,8 @@
 use crate::camera::CameraDesc;
 use crate::image::Image;
 use crate::light::Emission;
-use crate::material::Material;
-use crate::math::{DAffine3, DVec3, Rgb};
+use crate::material::{Material, Spectrum};
+use crate::math::{DAffine3, DMat3, DVec3, Rgb};
 use crate::mesh::TriangleMesh;
 use crate::texture::Texture;
 use std::sync::Arc;
@@ -26,6 +26,8 @@ pub struct SceneDesc {
     pub meshes: Vec<Arc<TriangleMesh<DVec3>>>,
     /// What stands where.
     pub objects: Vec<ObjectDesc>,
+    /// Light from points and from far away.
+    pub lights: Vec<LightDesc>,
     /// Hash over the scene file and everything it refers to, in hexadecimal.
     pub hash: String,
     /// What was mended or left out on reading, a sentence each.
@@ -45,7 +47,54 @@ pub enum EnvironmentDesc {
         scale: f32,
         /// Turn of the content about +Y, right-handed, in degrees.
         rotation_degrees: f64,
+        /// Turn of the content after that: a rotation, which may mirror.
+        to_world: DMat3,
     },
+}
+
+/// A light that is no surface.
+#[derive(Clone, Debug, PartialEq)]
+pub enum LightDesc {
+    /// The same in all directions from a point.
+    Point {
+        /// Where.
+        position: DVec3,
+        /// Radiant intensity [W·sr⁻¹].
+        intensity: Rgb,
+    },
+    /// A cone from a point.
+    Spot {
+        /// Where.
+        position: DVec3,
+        /// Where to; any length above 0.
+        direction: DVec3,
+        /// Radiant intensity along the axis [W·sr⁻¹].
+        intensity: Rgb,
+        /// Angles from the axis, in radians: up to the first, all of the intensity; from the second on, none. In [0, π], the
+        /// second above the first.
+        angles: [f64; 2],
+        /// What is between the two.
+        falloff: Falloff,
+    },
+    /// Parallel light, or a disc at infinity.
+    Distant {
+        /// Where the light goes; any length above 0.
+        direction: DVec3,
+        /// On a surface that faces it [W·m⁻²].
+        irradiance: Rgb,
+        /// Radius of the disc as an angle, in radians, in [0, π/2); 0 is parallel light.
+        radius: f64,
+    },
+}
+
+/// How a spot's intensity falls from its beam to its edge.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Falloff {
+    /// Linear in the angle.
+    #[default]
+    Angle,
+    /// The square of what is linear in the cosine.
+    Cosine,
 }
 
 /// A mesh standing in the world.
@@ -61,4 +110,6 @@ pub struct ObjectDesc {
     pub to_world: DAffine3,
     /// Emission, if any.
     pub emission: Option<Emission>,
+    /// What the emission is multiplied by where it varies over the surface; not of a constant.
+    pub emission_map: Option<Spectrum>,
 }

@@ -11,7 +11,7 @@ impl SceneFeatures {
     pub const ENVIRONMENT: SceneFeatures = SceneFeatures(1);
     /// Emitting triangles.
     pub const AREA_LIGHTS: SceneFeatures = SceneFeatures(1 << 1);
-    /// Bitmaps.
+    /// Colours that vary over a surface.
     pub const TEXTURES: SceneFeatures = SceneFeatures(1 << 2);
     /// Vertex normals.
     pub const SMOOTH_NORMALS: SceneFeatures = SceneFeatures(1 << 3);
@@ -19,16 +19,19 @@ impl SceneFeatures {
     pub const SPECULAR: SceneFeatures = SceneFeatures(1 << 4);
     /// Surfaces that are not opaque everywhere.
     pub const CUTOUTS: SceneFeatures = SceneFeatures(1 << 5);
+    /// Materials that take more than a look at their parameters: see [`crate::material::Material::is_general`].
+    pub const GENERAL: SceneFeatures = SceneFeatures(1 << 6);
     /// All of the above: serves every scene.
-    pub const ALL: SceneFeatures = SceneFeatures((1 << 6) - 1);
+    pub const ALL: SceneFeatures = SceneFeatures((1 << 7) - 1);
 
-    const NAMES: [(SceneFeatures, &'static str); 6] = [
+    const NAMES: [(SceneFeatures, &'static str); 7] = [
         (SceneFeatures::ENVIRONMENT, "environment"),
         (SceneFeatures::AREA_LIGHTS, "area-lights"),
         (SceneFeatures::TEXTURES, "textures"),
         (SceneFeatures::SMOOTH_NORMALS, "smooth-normals"),
         (SceneFeatures::SPECULAR, "specular"),
         (SceneFeatures::CUTOUTS, "cutouts"),
+        (SceneFeatures::GENERAL, "general-materials"),
     ];
 
     /// Whether every bit of `other` is set.

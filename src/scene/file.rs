@@ -146,6 +146,9 @@ fn camera(table: &Table<'_>) -> Result<CameraDesc> {
             .get("focus_distance")
             .map(|f| f.number_in(0.0, MAX_LENGTH))
             .transpose()?,
+        mirrored: table
+            .get("mirrored")
+            .map_or(Ok(false), |f| f.word(&[("no", false), ("yes", true)]))?,
     };
     table.finish()?;
     Ok(desc)

@@ -1,23 +1,25 @@
 //! Reading a scene: the scene file, and every mesh, material library and image that it uses.
 
-use super::desc::{EnvironmentDesc, ObjectDesc, SceneDesc};
+use super::bitmap::{Bitmaps, Role, load_texture};
+use super::desc::{ObjectDesc, SceneDesc};
+use super::environment::load_environment;
 use super::file::{self, ColourEntry, EnvironmentEntry, MaterialEntry, MeshEntry, SceneFile};
+use super::framing::framing;
+use super::input::{open, read_bytes};
 use super::obj::{self, MapRef, MtlMaterial, ObjError, ObjScene};
 use super::obj_material;
 use super::origin;
 use super::value::{Document, KeyError};
 use super::warnings;
-use crate::camera::CameraDesc;
-use crate::image::ldr::LdrImage;
-use crate::image::{self, Decoded, Image, ImageError};
+use crate::image::ImageError;
 use crate::light::Emission;
 use crate::material::{Material, Scattering, Spectrum};
-use crate::math::{DAffine3, DVec3, Rgb, Vec2, srgb_decode};
+use crate::math::{Affine2, DAffine3, DVec3, Rgb};
 use crate::mesh::TriangleMesh;
-use crate::texture::{Encoding, Texture, TextureMap};
+use crate::texture::{Texture, TextureMap};
 use rayon::prelude::*;
 use std::collections::HashMap;
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -150,48 +152,6 @@ fn load_mesh_alone(path: &Path) -> Result<SceneDesc, LoadError> {
     Ok(desc)
 }
 
-/// A camera that sees all of a box, from its front right and a little above.
-fn framing(low: DVec3, high: DVec3) -> CameraDesc {
-    let centre = (low + high) * 0.5;
-    // A point still needs a distance to be seen from.
-    let radius = ((high - low).length() * 0.5)
-        .max(centre.length() * 1e-6)
-        .max(f64::from(f32::MIN_POSITIVE));
-    let vfov_degrees = 40.0f64;
-    let distance = radius / (vfov_degrees.to_radians() * 0.5).sin();
-    CameraDesc {
-        position: centre + DVec3::new(0.5, 0.4, 1.0).normalize() * distance,
-        look_at: centre,
-        up: DVec3::Y,
-        vfov_degrees,
-        resolution: [800, 600],
-        aperture_radius: 0.0,
-        focus_distance: None,
-    }
-}
-
-/// Opens a file that a scene names and that has an end: a device or a pipe could be read, or waited for, for ever.
-fn open(path: &Path) -> io::Result<File> {
-    if fs::metadata(path)?.is_file() {
-        File::open(path)
-    } else {
-        Err(io::Error::new(io::ErrorKind::InvalidInput, "it is not a regular file"))
-    }
-}
-
-fn read_bytes(path: &Path) -> io::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    open(path)?.read_to_end(&mut bytes)?;
-    Ok(bytes)
-}
-
-fn read_file(path: &Path) -> Result<Vec<u8>, LoadError> {
-    read_bytes(path).map_err(|source| LoadError::Read {
-        path: path.to_owned(),
-        source,
-    })
-}
-
 /// Passes bytes on and hashes them.
 struct Hashing<R> {
     inner: R,
@@ -225,31 +185,6 @@ fn read_obj(path: &Path) -> Result<(ObjScene, blake3::Hash), LoadError> {
     })?;
     reader.hasher.update(libraries.finalize().as_bytes());
     Ok((scene, reader.hasher.finalize()))
-}
-
-/// What a bitmap is for, which decides how its numbers are read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-enum Role {
-    /// Reflectance; the encoding as given.
-    Colour(Option<Encoding>),
-    /// How much of a surface is there: the alpha channel if there is one, else the colour, linear.
-    Coverage,
-}
-
-/// The bitmaps wanted, each once.
-#[derive(Default)]
-struct Bitmaps {
-    wanted: Vec<(PathBuf, Role)>,
-    index: HashMap<(PathBuf, Role), usize>,
-}
-
-impl Bitmaps {
-    fn want(&mut self, path: PathBuf, role: Role) -> usize {
-        *self.index.entry((path.clone(), role)).or_insert_with(|| {
-            self.wanted.push((path, role));
-            self.wanted.len() - 1
-        })
-    }
 }
 
 /// A material of a mesh file, and the bitmaps it asks for.
@@ -369,13 +304,7 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
     for (material, bitmap) in &named_used {
         let (name, entry) = &file.materials[*material];
         let texture = bitmap.and_then(|b| texture_of_bitmap[b]);
-        materials.push((
-            name.clone(),
-            Material {
-                scattering: scattering(entry, texture),
-                opacity: None,
-            },
-        ));
+        materials.push((name.clone(), Material::new(scattering(entry, texture))));
     }
     let first_mtl = materials.len();
     for MtlUse {
@@ -389,9 +318,8 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
             map.map(|(bitmap, map)| match texture_of_bitmap[bitmap] {
                 Some(texture) => Spectrum::Bitmap(
                     TextureMap {
-                        texture,
-                        scale: map.scale.into(),
-                        offset: map.offset.into(),
+                        to_uv: Affine2::from_scale_angle_translation(map.scale.into(), 0.0, map.offset.into()),
+                        ..TextureMap::new(texture)
                     },
                     Rgb::WHITE,
                 ),
@@ -449,6 +377,7 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
                 material,
                 to_world: entry.to_world,
                 emission: entry.emission.or(mtl_emission),
+                emission_map: None,
             });
         }
     }
@@ -466,6 +395,7 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
         textures,
         meshes,
         objects,
+        lights: Vec::new(),
         hash: hasher.finalize().to_hex().to_string(),
         warnings,
     })
@@ -475,24 +405,14 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
 const MISSING: Rgb = Rgb::new(0.8, 0.0, 0.8);
 
 /// Parts of mesh files for which nobody names a material.
-const DEFAULT_MATERIAL: Material = Material {
-    scattering: Scattering::Diffuse {
-        reflectance: Spectrum::Constant(Rgb::splat(0.5)),
-    },
-    opacity: None,
-};
+const DEFAULT_MATERIAL: Material = Material::new(Scattering::Diffuse {
+    reflectance: Spectrum::Constant(Rgb::splat(0.5)),
+});
 
 fn scattering(entry: &MaterialEntry, texture: Option<u32>) -> Scattering {
     let spectrum = |colour: &ColourEntry| match (colour, texture) {
         (ColourEntry::Rgb(rgb), _) => Spectrum::Constant(*rgb),
-        (ColourEntry::Texture { .. }, Some(texture)) => Spectrum::Bitmap(
-            TextureMap {
-                texture,
-                scale: Vec2::ONE,
-                offset: Vec2::ZERO,
-            },
-            Rgb::WHITE,
-        ),
+        (ColourEntry::Texture { .. }, Some(texture)) => Spectrum::Bitmap(TextureMap::new(texture), Rgb::WHITE),
         // Bitmaps of the scene file are there, or loading has failed.
         (ColourEntry::Texture { .. }, None) => Spectrum::Constant(MISSING),
     };
@@ -513,121 +433,4 @@ fn scattering(entry: &MaterialEntry, texture: Option<u32>) -> Scattering {
             alpha: *alpha,
         },
     }
-}
-
-fn load_texture(path: &Path, role: Role) -> Result<(Texture, blake3::Hash), LoadError> {
-    let bytes = read_file(path)?;
-    let hash = blake3::hash(&bytes);
-    let texture = match (image::read(path, &bytes)?, role) {
-        (Decoded::Linear(image), _) => Texture::Rgb32(sanitise_reflectance(image)),
-        (Decoded::Encoded(LdrImage::Bits8 { alpha: Some(alpha), .. }), Role::Coverage) => {
-            Texture::Rgb8(map_pixels(alpha, |a| [a; 3]), Encoding::Linear)
-        }
-        (Decoded::Encoded(LdrImage::Bits8 { rgb, .. }), Role::Coverage) => Texture::Rgb8(rgb, Encoding::Linear),
-        (Decoded::Encoded(LdrImage::Bits8 { rgb, .. }), Role::Colour(encoding)) => {
-            Texture::Rgb8(rgb, encoding.unwrap_or(Encoding::Srgb))
-        }
-        (Decoded::Encoded(LdrImage::Bits16 { alpha: Some(alpha), .. }), Role::Coverage) => {
-            Texture::Rgb32(map_pixels(alpha, Rgb::splat))
-        }
-        (Decoded::Encoded(LdrImage::Bits16 { rgb, .. }), role) => {
-            // Sixteen bits are linear unless the scene says otherwise: the default of sRGB is for eight.
-            let srgb = role == Role::Colour(Some(Encoding::Srgb));
-            Texture::Rgb32(map_pixels(rgb, |c| {
-                Rgb::from(if srgb { c.map(srgb_decode) } else { c })
-            }))
-        }
-    };
-    Ok((texture, hash))
-}
-
-fn map_pixels<T, U>(image: Image<T>, f: impl Fn(T) -> U) -> Image<U> {
-    Image {
-        width: image.width,
-        height: image.height,
-        pixels: image.pixels.into_iter().map(f).collect(),
-    }
-}
-
-/// Reflectance from a file of unlimited range: NaN and negative become 0, what exceeds 1 becomes 1.
-fn sanitise_reflectance(image: Image<Rgb>) -> Image<Rgb> {
-    map_pixels(image, |rgb| {
-        rgb.map(|c| if c.is_nan() { 0.0 } else { c.clamp(0.0, 1.0) })
-    })
-}
-
-type LoadedEnvironment = (EnvironmentDesc, blake3::Hash, Vec<String>);
-
-fn load_environment(entry: &EnvironmentEntry, base: &Path) -> Result<LoadedEnvironment, LoadError> {
-    let (file, scale, rotation_degrees) = match entry {
-        EnvironmentEntry::Constant(radiance) => {
-            return Ok((EnvironmentDesc::Constant(*radiance), blake3::hash(b""), Vec::new()));
-        }
-        EnvironmentEntry::File {
-            file,
-            scale,
-            rotation_degrees,
-        } => (file, *scale, *rotation_degrees),
-    };
-    let path = base.join(file);
-    let bytes = read_file(&path)?;
-    let hash = blake3::hash(&bytes);
-    let mut image = image::read_rgb(&path, &bytes)?;
-    drop(bytes);
-    let mut warnings = sanitise_radiance(&mut image, scale, &path);
-    if image.pixels.iter().all(|p| p.is_black()) {
-        warnings.push(format!(
-            "{}: the environment map is black; it gives no light",
-            path.display()
-        ));
-    }
-    Ok((
-        EnvironmentDesc::Map {
-            image: Arc::new(image),
-            scale,
-            rotation_degrees,
-        },
-        hash,
-        warnings,
-    ))
-}
-
-/// Makes every texel finite and 0 or more, also after scaling, and says how many were not.
-fn sanitise_radiance(image: &mut Image<Rgb>, scale: f32, path: &Path) -> Vec<String> {
-    let channels = || image.pixels.iter().flat_map(|p| p.to_array());
-    // Small enough that sums over the map and products with reflectances stay finite.
-    let limit = 1e30 / scale.max(1.0);
-    let largest = channels().filter(|c| *c <= limit).fold(0.0, f32::max);
-    let (mut negative, mut nan, mut infinite) = (0u64, 0u64, 0u64);
-    for pixel in &mut image.pixels {
-        for channel in [&mut pixel.r, &mut pixel.g, &mut pixel.b] {
-            if channel.is_nan() {
-                nan += 1;
-                *channel = 0.0;
-            } else if *channel < 0.0 {
-                negative += 1;
-                *channel = 0.0;
-            } else if *channel > limit {
-                infinite += 1;
-                *channel = largest;
-            }
-        }
-    }
-    let mut warnings = Vec::new();
-    let mut warn = |count: u64, what: &str, instead: String| {
-        if count > 0 {
-            warnings.push(format!(
-                "{}: {count} texel values are {what}; {instead} is used",
-                path.display()
-            ));
-        }
-    };
-    warn(negative, "negative", "0".into());
-    warn(nan, "NaN", "0".into());
-    warn(
-        infinite,
-        "infinite or beyond 1e30",
-        format!("the largest other value, {largest},"),
-    );
-    warnings
 }

@@ -1,9 +1,13 @@
 //! Scenes: read from files, described, and baked for rendering.
 
+mod bitmap;
 mod build;
 mod desc;
+mod environment;
 mod features;
 mod file;
+mod framing;
+mod input;
 mod load;
 pub mod obj;
 mod obj_material;
@@ -12,7 +16,7 @@ mod value;
 mod warnings;
 
 pub use build::{Instancing, Scene, SceneError, SceneOptions, Surface};
-pub use desc::{EnvironmentDesc, ObjectDesc, SceneDesc};
+pub use desc::{EnvironmentDesc, Falloff, LightDesc, ObjectDesc, SceneDesc};
 pub use features::SceneFeatures;
 pub use load::{LoadError, LoadOptions, load};
 pub(crate) use value::nearest;

@@ -70,7 +70,13 @@ pub(super) fn convert(mtl: &MtlMaterial, map_kd: Option<Spectrum>, map_d: Option
         (false, None, Some(d)) if d < 1.0 => Some(Spectrum::Constant(Rgb::splat(d.max(0.0)))),
         _ => None,
     };
-    (Material { scattering, opacity }, notes)
+    (
+        Material {
+            opacity,
+            ..Material::new(scattering)
+        },
+        notes,
+    )
 }
 
 /// A complex index whose reflectance at normal incidence is `r` (Gulbrandsen 2014, "Artist Friendly Metallic Fresnel"):

@@ -156,6 +156,7 @@ impl Content {
             return None;
         }
         Some(TriangleMesh {
+            colors: Vec::new(),
             positions: take(&mut self.positions),
             uvs: if key.uvs { take(&mut self.uvs) } else { Vec::new() },
             normals: if key.normals {
@@ -195,6 +196,7 @@ impl Content {
         }
         let corners = || vertices.par_iter().map(|vertex| vertex.corner.map(|i| i as usize));
         Some(TriangleMesh {
+            colors: Vec::new(),
             positions: corners().map(|[p, ..]| self.positions[p]).collect(),
             uvs: if part.key.uvs {
                 corners().map(|[_, uv, _]| self.uvs[uv]).collect()
