@@ -8,7 +8,7 @@ use embrace::image::Image;
 use embrace::integrator::{BounceSampling, Settings};
 use embrace::light::{Emission, EnvSampling};
 use embrace::material::{Material, Scattering, Spectrum};
-use embrace::math::{DAffine3, DMat3, DVec3, Rgb, Vec2, Vec3};
+use embrace::math::{DAffine3, DMat3, DVec3, Rgb, Vec3};
 use embrace::scene::{Instancing, SceneOptions};
 use embrace::texture::{Encoding, Texture, TextureMap};
 use std::f64::consts::{PI, TAU};
@@ -203,11 +203,7 @@ fn a_textured_square_shows_its_texels_where_they_belong<A: Accel>() {
         },
         Encoding::Linear,
     );
-    let map = TextureMap {
-        texture: 0,
-        scale: Vec2::ONE,
-        offset: Vec2::ZERO,
-    };
+    let map = TextureMap::new(0);
     let material = support::opaque(Scattering::Diffuse {
         reflectance: Spectrum::Bitmap(map, Rgb::splat(0.5)),
     });
@@ -220,7 +216,7 @@ fn a_textured_square_shows_its_texels_where_they_belong<A: Accel>() {
     ] {
         // Texture coordinates are the plane's x and y: u to the right, v up.
         let mut stage = Stage::new(support::probe(Vec3::new(u, v, 2.0), Vec3::new(u, v, 0.0)))
-            .add(support::quad(Vec3::ZERO, Vec3::X, Vec3::Y), material)
+            .add(support::quad(Vec3::ZERO, Vec3::X, Vec3::Y), material.clone())
             .lit_by_constant(1.0);
         stage.0.textures.push(texture.clone());
         let summary = stage.prepare::<A>(&seeded(5)).replicate(&seeded(5), 256, 0..16);

@@ -9,7 +9,7 @@ use embrace::camera::Camera;
 use embrace::film::Rect;
 use embrace::integrator::{Batch, KernelChoice, Lighting, RayCounts, SampleId, Settings, kernel_for};
 use embrace::material::{Material, Scattering, Spectrum};
-use embrace::math::{DAffine3, DVec3, Rgb, Vec2, Vec3};
+use embrace::math::{Affine2, DAffine3, DVec3, Rgb, Vec2, Vec3};
 use embrace::sampling::{Dimension, Sampler};
 use embrace::scene::{Scene, SceneDesc, SceneOptions};
 use embrace::texture::{Texture, TextureMap};
@@ -171,9 +171,8 @@ fn the_albedo_of_a_textured_floor_is_the_mean_of_its_texture<A: Accel>() {
     let tint = Rgb::new(0.5, 1.0, 0.75);
     let reflectance = Spectrum::Bitmap(
         TextureMap {
-            texture: 0,
-            scale: Vec2::splat(10.0),
-            offset: Vec2::new(0.1, 0.7),
+            to_uv: Affine2::from_scale_angle_translation(Vec2::splat(10.0), 0.0, Vec2::new(0.1, 0.7)),
+            ..TextureMap::new(0)
         },
         tint,
     );

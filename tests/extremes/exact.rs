@@ -108,7 +108,7 @@ pub(crate) fn eval(bsdf: &Bsdf, wo: DVec3, wi: DVec3) -> [Shared; 2] {
                 shared(common * g1(alpha, wo), share, per_share),
             ]
         }
-        Bsdf::Plastic(_) | Bsdf::Diffuse(_) | Bsdf::Mirror(_) => unreachable!("not compared"),
+        _ => unreachable!("not compared"),
     }
 }
 

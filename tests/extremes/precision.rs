@@ -75,8 +75,8 @@ fn metal_and_glass() -> Stage {
         [RESOLUTION; 2],
     ))
     .add(quad(Vec3::new(-1.0, -1.0, -1.0), z, x), plastic())
-    .add(quad(Vec3::new(-1.0, 1.0, -1.0), x, z), white)
-    .add(quad(Vec3::new(-1.0, -1.0, -1.0), x, y), white)
+    .add(quad(Vec3::new(-1.0, 1.0, -1.0), x, z), white.clone())
+    .add(quad(Vec3::new(-1.0, -1.0, -1.0), x, y), white.clone())
     .add(quad(Vec3::new(-1.0, -1.0, -1.0), y, z), coloured(0.63, 0.06, 0.05))
     .add(quad(Vec3::new(1.0, -1.0, -1.0), z, y), coloured(0.14, 0.45, 0.09))
     .add(quad(Vec3::new(0.98, -0.4, -0.6), z * 0.4, y * 0.4), mirror)

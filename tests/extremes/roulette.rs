@@ -200,7 +200,11 @@ fn paths_end_at_once_where_nothing_is_reflected<A: Accel>() {
         ("mirror of 1e-30", mirror(1e-30), 1),
     ] {
         for roulette in [Roulette::Throughput, Roulette::Fixed(0.999), Roulette::Off] {
-            let lengths = lengths::<A>(&inside_box(material, 1.0), &settings(roulette, Some(1000), 1), 100);
+            let lengths = lengths::<A>(
+                &inside_box(material.clone(), 1.0),
+                &settings(roulette, Some(1000), 1),
+                100,
+            );
             assert_eq!(
                 lengths.iter().max(),
                 Some(&bounces),

@@ -23,7 +23,7 @@ use embrace::image::{Image, display, exr, ldr};
 use embrace::integrator::{Kernel, KernelChoice, Settings, kernel_for};
 use embrace::light::Emission;
 use embrace::material::{Material, Scattering, Spectrum};
-use embrace::math::{DAffine3, DVec3, Rgb, Vec2, Vec3};
+use embrace::math::{DAffine3, DMat3, DVec3, Rgb, Vec2, Vec3};
 use embrace::mesh::TriangleMesh;
 use embrace::render::{ErrorControl, Job, render};
 use embrace::scene::{EnvironmentDesc, LoadOptions, ObjectDesc, Scene, SceneDesc, SceneOptions, load};
@@ -175,16 +175,14 @@ pub(crate) fn sphere(centre: Vec3, radius: f32, rows: u32, smooth: bool) -> Tria
             Vec::new()
         },
         uvs: Vec::new(),
+        colors: Vec::new(),
         indices,
     }
 }
 
 /// Scattering without cut-outs.
 pub(crate) fn opaque(scattering: Scattering) -> Material {
-    Material {
-        scattering,
-        opacity: None,
-    }
+    Material::new(scattering)
 }
 
 /// Grey diffuse.
@@ -213,6 +211,7 @@ pub(crate) fn camera(position: Vec3, look_at: Vec3, vfov_degrees: f64, resolutio
         resolution,
         aperture_radius: 0.0,
         focus_distance: None,
+        mirrored: false,
     }
 }
 
@@ -235,6 +234,7 @@ impl Stage {
             textures: Vec::new(),
             meshes: Vec::new(),
             objects: Vec::new(),
+            lights: Vec::new(),
             hash: String::new(),
             warnings: Vec::new(),
         })
@@ -276,6 +276,7 @@ impl Stage {
                 material: desc.materials.len() - 1,
                 to_world: *to_world,
                 emission,
+                emission_map: None,
             });
         }
         self
@@ -291,6 +292,7 @@ impl Stage {
             image: Arc::new(image),
             scale: 1.0,
             rotation_degrees,
+            to_world: DMat3::IDENTITY,
         });
         self
     }

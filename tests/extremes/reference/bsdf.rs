@@ -47,9 +47,10 @@ impl Bsdf {
     pub(super) fn new(material: &Material, front: bool) -> Bsdf {
         let constant = |spectrum| match spectrum {
             Spectrum::Constant(value) => rgb(value),
-            Spectrum::Bitmap(..) => panic!("the reference has no bitmaps"),
+            _ => panic!("the reference has no textures"),
         };
         match material.scattering {
+            Scattering::General(_) => panic!("the reference has none of the general materials"),
             Scattering::Diffuse { reflectance } => Bsdf::Diffuse {
                 reflectance: constant(reflectance),
             },

@@ -97,6 +97,7 @@ impl<'a> Lights<'a> {
                 image,
                 scale,
                 rotation_degrees,
+                ..
             } => {
                 let (width, height) = (image.width as usize, image.height as usize);
                 let radiance = |k: usize| rgb(image.pixels[k]) * f64::from(*scale);

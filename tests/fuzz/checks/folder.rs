@@ -5,11 +5,11 @@ use embrace::accel::{Accel, BuildOptions};
 use embrace::film::Rect;
 use embrace::image::{Image, MAX_PIXELS};
 use embrace::integrator::{KernelChoice, Settings, kernel_for};
-use embrace::material::{Material, Scattering, Spectrum};
+use embrace::material::{General, Material, Scattering, Spectrum};
 use embrace::math::Rgb;
 use embrace::render::{ErrorControl, Job, render};
 use embrace::scene::{EnvironmentDesc, LoadOptions, Scene, SceneDesc, SceneOptions, load};
-use embrace::texture::Texture;
+use embrace::texture::{Texture, TextureMap};
 use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -97,8 +97,9 @@ fn check_description(desc: &SceneDesc) {
             image,
             scale,
             rotation_degrees,
+            to_world,
         }) => {
-            assert!(scale.is_finite() && *scale >= 0.0 && rotation_degrees.is_finite());
+            assert!(scale.is_finite() && *scale >= 0.0 && rotation_degrees.is_finite() && to_world.is_finite());
             assert!(is_whole(image));
             assert!(image.pixels.iter().all(|p| usable(*p) && usable(*p * *scale)));
         }
@@ -107,25 +108,31 @@ fn check_description(desc: &SceneDesc) {
 }
 
 fn is_sound(material: &Material, textures: usize) -> bool {
-    let spectrum = |spectrum: &Spectrum| match spectrum {
-        Spectrum::Constant(rgb) => in_unit(*rgb),
-        Spectrum::Bitmap(map, tint) => {
-            (map.texture as usize) < textures && map.scale.is_finite() && map.offset.is_finite() && in_unit(*tint)
-        }
-    };
+    let map = |map: &TextureMap| (map.texture as usize) < textures && map.to_uv.is_finite();
     let unit = |v: f32| (0.0..=1.0).contains(&v);
+    let mut spectra = true;
+    material.visit_spectra(&mut |spectrum| {
+        spectra &= match spectrum {
+            Spectrum::Constant(rgb) => in_unit(*rgb),
+            Spectrum::Bitmap(bitmap, tint) => map(bitmap) && in_unit(*tint),
+            Spectrum::Checkerboard(pattern) => pattern.to_uv.is_finite() && pattern.colors.into_iter().all(in_unit),
+            Spectrum::VertexColor(bitmap, tint) => bitmap.as_ref().is_none_or(map) && in_unit(*tint),
+        }
+    });
     let scattering = match &material.scattering {
-        Scattering::Diffuse { reflectance } => spectrum(reflectance),
+        Scattering::Diffuse { .. } => true,
         Scattering::Conductor { eta, k, alpha } => usable(*eta) && usable(*k) && unit(*alpha),
         Scattering::Dielectric { ior, alpha } => *ior > 0.0 && ior.is_finite() && unit(*alpha),
         Scattering::Mirror { reflectance } => in_unit(*reflectance),
-        Scattering::Plastic {
-            reflectance,
-            specular,
-            alpha,
-        } => spectrum(reflectance) && in_unit(*specular) && unit(*alpha),
+        Scattering::Plastic { specular, alpha, .. } => in_unit(*specular) && unit(*alpha),
+        Scattering::General(General::Metal { eta, k, .. }) => usable(*eta) && usable(*k),
+        Scattering::General(General::Glass { ior, .. } | General::ThinGlass { ior, .. }) => {
+            *ior > 0.0 && ior.is_finite()
+        }
+        Scattering::General(General::CoatedDiffuse { .. } | General::Principled(_) | General::Blend { .. }) => true,
     };
-    scattering && material.opacity.as_ref().is_none_or(spectrum)
+    let relief = material.relief.is_none_or(|relief| map(&relief.map()));
+    spectra && scattering && relief
 }
 
 /// A sample for each of the pixels in the middle.
