@@ -264,4 +264,68 @@ mod tests {
         )];
         assert!((TextureMap::new(0).lookup(&texture, Vec2::new(0.5, 0.5)).r - 0.5).abs() < 1e-6);
     }
+
+    #[test]
+    fn beyond_the_edges_lie_the_bitmap_its_mirror_image_or_its_edge() {
+        let texture = [two_by_two()];
+        let at = |wrap: Wrap, u: f32| {
+            let map = TextureMap {
+                wrap: [wrap, Wrap::Repeat],
+                filter: Filter::Nearest,
+                ..TextureMap::new(0)
+            };
+            map.lookup(&texture, Vec2::new(u, 0.25)).r
+        };
+        // The bottom row: green, white.
+        for (u, repeat, mirror, clamp) in [
+            (-0.3, 1.0, 0.0, 0.0),
+            (-0.7, 0.0, 1.0, 0.0),
+            (1.3, 0.0, 1.0, 1.0),
+            (1.7, 1.0, 0.0, 1.0),
+            (0.3, 0.0, 0.0, 0.0),
+        ] {
+            assert_eq!(at(Wrap::Repeat, u), repeat, "{u}");
+            assert_eq!(at(Wrap::Mirror, u), mirror, "{u}");
+            assert_eq!(at(Wrap::Clamp, u), clamp, "{u}");
+        }
+    }
+
+    #[test]
+    fn the_nearest_texel_fills_its_square() {
+        let texture = [two_by_two()];
+        let map = TextureMap {
+            filter: Filter::Nearest,
+            ..TextureMap::new(0)
+        };
+        for u in [0.51, 0.6, 0.75, 0.9, 0.99] {
+            for v in [0.01, 0.25, 0.49] {
+                assert_eq!(map.lookup(&texture, Vec2::new(u, v)), Rgb::WHITE, "({u}, {v})");
+            }
+        }
+    }
+
+    #[test]
+    fn the_gradient_is_the_slope_of_lookups_between() {
+        let texture = [two_by_two()];
+        let map = TextureMap {
+            to_uv: Affine2::from_scale_angle_translation(Vec2::new(0.5, 0.25), 0.4, Vec2::new(0.1, 0.2)),
+            ..TextureMap::new(0)
+        };
+        for (u, v) in [(0.3, 0.4), (1.1, 0.2), (-0.6, 2.3)] {
+            let mean = |u: f32, v: f32| {
+                let rgb = map.lookup(&texture, Vec2::new(u, v));
+                (rgb.r + rgb.g + rgb.b) / 3.0
+            };
+            const STEP: f32 = 1e-2;
+            let slope = Vec2::new(
+                mean(u + STEP, v) - mean(u - STEP, v),
+                mean(u, v + STEP) - mean(u, v - STEP),
+            ) / (2.0 * STEP);
+            let gradient = map.gradient(&texture, Vec2::new(u, v));
+            assert!(
+                (slope - gradient).length() < 0.02,
+                "{slope} for {gradient} at ({u}, {v})"
+            );
+        }
+    }
 }

@@ -56,3 +56,80 @@ impl Relief {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Image;
+    use crate::math::Rgb;
+
+    /// A bitmap of `columns` greys that grow by `step` each, in both rows.
+    fn ramp(columns: u32, step: f32) -> [Texture; 1] {
+        [Texture::Rgb32(Image {
+            width: columns,
+            height: 2,
+            pixels: (0..2 * columns)
+                .map(|i| Rgb::splat((i % columns) as f32 * step))
+                .collect(),
+        })]
+    }
+
+    #[test]
+    fn a_ramp_of_heights_tilts_the_normal_by_its_slope() {
+        let relief = Relief::BumpMap {
+            map: TextureMap::new(0),
+            scale: 3.0,
+        };
+        // Height grows by 3 * 10 * 0.05 for each unit of u, which is 2 long: the slope is 3/4.
+        let directions = [Vec3::X * 2.0, Vec3::Y * 5.0];
+        let n = relief.normal(&ramp(10, 0.05), Vec2::new(0.5, 0.5), Vec3::Z, directions);
+        assert!((n - Vec3::new(-0.6, 0.0, 0.8)).length() < 1e-5, "{n}");
+        // The same on a surface whose texture coordinates are mirrored.
+        let n = relief.normal(
+            &ramp(10, 0.05),
+            Vec2::new(0.5, 0.5),
+            Vec3::Z,
+            [Vec3::X * -2.0, Vec3::Y * 5.0],
+        );
+        assert!((n - Vec3::new(0.6, 0.0, 0.8)).length() < 1e-5, "{n}");
+    }
+
+    #[test]
+    fn a_map_of_normals_is_in_the_frame_of_the_texture_coordinates() {
+        let texture = [Texture::Rgb32(Image {
+            width: 1,
+            height: 1,
+            pixels: vec![Rgb::new(0.8, 0.5, 0.9)],
+        })];
+        let relief = |scale| Relief::NormalMap {
+            map: TextureMap::new(0),
+            scale,
+        };
+        let normal = |scale, n, directions| relief(scale).normal(&texture, Vec2::ZERO, n, directions);
+        let n = normal(1.0, Vec3::Z, [Vec3::Y, Vec3::NEG_X]);
+        assert!((n - Vec3::new(0.0, 0.6, 0.8)).length() < 1e-6, "{n}");
+        let n = normal(0.0, Vec3::Z, [Vec3::Y, Vec3::NEG_X]);
+        assert!((n - Vec3::Z).length() < 1e-6, "{n}");
+        let n = normal(-1.0, Vec3::X, [Vec3::Z, Vec3::Y]);
+        assert!((n - Vec3::new(0.8, 0.0, -0.6)).length() < 1e-6, "{n}");
+    }
+
+    #[test]
+    fn a_map_that_points_nowhere_or_below_turns_nothing() {
+        for texel in [Rgb::splat(0.5), Rgb::new(0.5, 0.5, 0.0), Rgb::splat(f32::NAN)] {
+            let texture = [Texture::Rgb32(Image {
+                width: 1,
+                height: 1,
+                pixels: vec![texel],
+            })];
+            let relief = Relief::NormalMap {
+                map: TextureMap::new(0),
+                scale: 1.0,
+            };
+            assert_eq!(
+                relief.normal(&texture, Vec2::ZERO, Vec3::Z, [Vec3::X, Vec3::Y]),
+                Vec3::Z
+            );
+        }
+    }
+}
