@@ -181,6 +181,9 @@ pub(super) struct Escaped {
     /// Where they come from, as in [`Paths`].
     pub(super) paths: Vec<EscapedPath>,
     pub(super) directions: Columns<3>,
+    /// Only where the scene has discs.
+    pub(super) p: Columns<3>,
+    pub(super) n: Columns<3>,
 }
 
 /// See [`Paths`].
@@ -227,6 +230,8 @@ pub(super) struct Vertices {
     pub(super) emitter_pmf: Column<f32>,
     pub(super) environment_pmf: Column<f32>,
     pub(super) area_lights: AreaLightColumns,
+    /// Lanes that sample what has no columns: points, light from far away, triangles whose emission varies.
+    pub(super) apart: Vec<u32>,
     /// Lanes that sample the environment, and their texels.
     pub(super) sky: Vec<u32>,
     pub(super) texels: Column<u32>,

@@ -95,7 +95,8 @@ impl<A: Accel> PathTracer<'_, A> {
     /// Finds what each path meets, and moves those that meet something together.
     fn advance(&self, depth: u32, batch: &mut Batch) {
         let has_cutouts = self.has_cutouts();
-        let has_environment = self.scene.features.contains(SceneFeatures::ENVIRONMENT);
+        let has_discs = self.scene.lights.has_discs();
+        let has_sky = has_discs || self.scene.features.contains(SceneFeatures::ENVIRONMENT);
         if depth == 0 && !has_cutouts {
             self.intersect_camera(batch);
         }
@@ -124,7 +125,11 @@ impl<A: Accel> PathTracer<'_, A> {
                     paths.copy(i, hits.len());
                 }
                 hits.push(hit);
-            } else if has_environment {
+            } else if has_sky {
+                if has_discs {
+                    escaped.p.set(escaped.paths.len(), paths.p.vec3(i));
+                    escaped.n.set(escaped.paths.len(), paths.n.vec3(i));
+                }
                 escaped.directions.set(escaped.paths.len(), ray.direction);
                 escaped.paths.push(EscapedPath {
                     sample: paths.sample[i],

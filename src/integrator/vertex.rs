@@ -5,7 +5,7 @@
     reason = "a lane is read and written in many columns at once"
 )]
 
-use super::batch::{Batch, Lanes, Paths, SampleId, Vertices};
+use super::batch::{Batch, Escaped, Lanes, Paths, SampleId, Vertices};
 use super::roulette::{self, Round};
 use super::{BounceSampling, Roulette, Settings};
 use crate::accel::{Hit, Ray};
@@ -81,6 +81,7 @@ struct Shading<'a, const F: u32> {
 impl<const F: u32> Shading<'_, F> {
     const ENVIRONMENT: bool = SceneFeatures(F).contains(SceneFeatures::ENVIRONMENT);
     const AREA_LIGHTS: bool = SceneFeatures(F).contains(SceneFeatures::AREA_LIGHTS);
+    const PUNCTUAL: bool = SceneFeatures(F).contains(SceneFeatures::PUNCTUAL);
     const GENERAL: bool = SceneFeatures(F).contains(SceneFeatures::GENERAL);
 
     /// Starts a path at the camera for each sample.
@@ -123,6 +124,9 @@ impl<const F: u32> Shading<'_, F> {
         batch.shadow_light.clear();
         if Self::ENVIRONMENT {
             self.add_escaped(batch);
+        }
+        if Self::PUNCTUAL && self.scene.lights.has_discs() {
+            self.add_discs(batch);
         }
         if batch.hits.is_empty() {
             return;
@@ -173,6 +177,25 @@ impl<const F: u32> Shading<'_, F> {
             let (radiance, pdf_w) = environment.lookup(&places.get(i));
             let light = radiance * self.hit_weight(path.pdf_w, || pdf_w * path.environment_pmf);
             batch.radiance[path.sample as usize] += wide(path.throughput * light);
+        }
+    }
+
+    /// Adds the light of discs to paths that met nothing.
+    #[inline(never)]
+    fn add_discs(self, batch: &mut Batch) {
+        let Escaped {
+            paths,
+            directions,
+            p,
+            n,
+        } = &batch.lanes.escaped;
+        let lights = &self.scene.lights;
+        for (i, path) in paths.iter().enumerate() {
+            for (disc, radiance) in lights.discs(directions.vec3(i)) {
+                let light_pdf_w = || lights.disc_pdf_w(disc, p.vec3(i), n.vec3(i));
+                let light = radiance * self.hit_weight(path.pdf_w, light_pdf_w);
+                batch.radiance[path.sample as usize] += wide(path.throughput * light);
+            }
         }
     }
 
@@ -249,7 +272,12 @@ impl<const F: u32> Shading<'_, F> {
             let Some((emission, first_light)) = &self.scene.surfaces[hit.placement as usize].emission else {
                 continue;
             };
-            let radiance = emission.from_side(vertices.front[i] > 0.0);
+            let mut radiance = emission.from_side(vertices.front[i] > 0.0);
+            if Self::PUNCTUAL
+                && let Some(factor) = self.scene.emission_at(hit)
+            {
+                radiance = radiance * factor;
+            }
             if radiance.is_black() || vertices.is_plain[i] == 0 {
                 continue;
             }
@@ -318,7 +346,7 @@ impl<const F: u32> Shading<'_, F> {
         let n = padded(n);
         let kind = self.settings.sampler;
         let sampler = |i| paths.sampler(i, kind, depth);
-        if Self::AREA_LIGHTS {
+        if Self::AREA_LIGHTS || Self::PUNCTUAL {
             for i in 0..n {
                 let [high, low] = sampler(i).get_bits(Dimension::LightChoice);
                 vertices.light_choice[0][i] = high;
@@ -332,7 +360,7 @@ impl<const F: u32> Shading<'_, F> {
                 vertices.texel_choice[1][i] = low;
             }
         }
-        if Self::AREA_LIGHTS || Self::ENVIRONMENT {
+        if Self::AREA_LIGHTS || Self::ENVIRONMENT || Self::PUNCTUAL {
             for i in 0..n {
                 vertices
                     .light_position
@@ -356,6 +384,7 @@ impl<const F: u32> Shading<'_, F> {
         let n = hits.len();
         vertices.emitters.clear();
         vertices.sky.clear();
+        vertices.apart.clear();
         for (i, hit) in hits.iter().enumerate() {
             let [high, low] = [0, 1].map(|k| vertices.light_choice[k][i]);
             let bits = u64::from(high) << 32 | u64::from(low);
@@ -368,6 +397,7 @@ impl<const F: u32> Shading<'_, F> {
             let p = vertices.p.vec3(i);
             let chosen = match (Self::AREA_LIGHTS, Self::ENVIRONMENT) {
                 _ if surface.is_delta => Chosen::NONE,
+                _ if Self::PUNCTUAL => lights.choose_any(p, n, bits),
                 (true, true) => lights.choose::<true, true>(p, n, bits),
                 (true, false) => lights.choose::<true, false>(p, n, bits),
                 (false, true) => lights.choose::<false, true>(p, n, bits),
@@ -379,7 +409,11 @@ impl<const F: u32> Shading<'_, F> {
             match chosen.emitter {
                 Emitter::Area(light) if Self::AREA_LIGHTS => {
                     vertices.area_lights.set(i, lights.area(light).to_array());
+                    if Self::PUNCTUAL && self.scene.emission_varies(light) {
+                        vertices.apart.push(i as u32);
+                    }
                 }
+                Emitter::Punctual(_) | Emitter::Distant(_) if Self::PUNCTUAL => vertices.apart.push(i as u32),
                 Emitter::Environment if Self::ENVIRONMENT => vertices.sky.push(i as u32),
                 _ => {}
             }
@@ -411,10 +445,35 @@ impl<const F: u32> Shading<'_, F> {
                 vertices.set_light(i, sample);
             }
         }
+        if Self::PUNCTUAL && !vertices.apart.is_empty() {
+            self.sample_apart(vertices);
+        }
         for i in 0..n {
             if vertices.emitters[i] == Emitter::None {
                 vertices.set_light(i, None);
             }
+        }
+    }
+
+    /// Draws the emitter samples that have no columns.
+    #[inline(never)]
+    fn sample_apart(self, vertices: &mut Vertices) {
+        let lights = &self.scene.lights;
+        for k in 0..vertices.apart.len() {
+            let i = vertices.apart[k] as usize;
+            let (pmf, u) = (vertices.emitter_pmf[i], vertices.light_position.get(i));
+            let sample = match vertices.emitters[i] {
+                Emitter::Punctual(light) => lights.sample_punctual(light, pmf, vertices.p.vec3(i)),
+                Emitter::Distant(light) => lights.sample_distant(light, pmf, u),
+                Emitter::Area(light) => {
+                    let factor = self.scene.emission_at_sample(light, u).unwrap_or(Rgb::WHITE);
+                    let sample = vertices.light(i);
+                    let radiance = sample.radiance * factor;
+                    (!radiance.is_black()).then_some(LightSample { radiance, ..sample })
+                }
+                Emitter::None | Emitter::Environment => None,
+            };
+            vertices.set_light(i, sample);
         }
     }
 

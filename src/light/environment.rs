@@ -20,7 +20,7 @@
 
 use crate::columns::{Column, Columns, padded};
 use crate::image::Image;
-use crate::math::{DVec3, Rgb, Vec3, atan2_turns, floor, floor_f64, sin_cos_turns};
+use crate::math::{DMat3, DVec3, Rgb, Vec3, atan2_turns, floor, floor_f64, sin_cos_turns};
 use crate::sampling::{AliasTable, warp};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
@@ -45,7 +45,15 @@ pub enum EnvironmentError {
     /// The image has no pixels.
     #[error("the environment map is {0} x {1} texels; it needs at least one")]
     Size(u32, u32),
+    /// The turn also stretches.
+    #[error(
+        "the environment map is turned by a matrix that is no rotation: its columns are not unit vectors at right angles"
+    )]
+    Turn,
 }
+
+/// What the columns of a turn may be off unit length and right angles: numbers of text files have few digits.
+const TURN_TOLERANCE: f64 = 1e-4;
 
 /// Light from infinity.
 #[derive(Clone, Debug)]
@@ -60,6 +68,8 @@ pub enum Environment {
 #[derive(Clone, Debug)]
 pub struct EnvironmentMap {
     layout: Layout,
+    /// Any other turn after that about +Y; absent for most maps.
+    turn: Option<Turn>,
     /// Radiance, and the probability of the texel over the mean one.
     texels: Vec<[f32; 4]>,
     /// Absent for a black map and for uniform sampling.
@@ -76,6 +86,45 @@ struct Layout {
     height: u32,
     sin_rotation: f32,
     cos_rotation: f32,
+}
+
+/// A rotation, which may mirror: from the map to the world and back.
+#[derive(Clone, Copy, Debug)]
+struct Turn {
+    to_world: [Vec3; 3],
+    to_map: [Vec3; 3],
+}
+
+impl Turn {
+    #[inline(always)]
+    fn to_world(&self, wi: Vec3) -> Vec3 {
+        let [x, y, z] = self.to_world;
+        x * wi.x + y * wi.y + z * wi.z
+    }
+
+    #[inline(always)]
+    fn to_map(&self, wi: Vec3) -> Vec3 {
+        let [x, y, z] = self.to_map;
+        x * wi.x + y * wi.y + z * wi.z
+    }
+
+    /// A place that was drawn on the map, as seen from the world.
+    #[inline(always)]
+    fn sampled(&self, point: EnvironmentPoint) -> EnvironmentPoint {
+        EnvironmentPoint {
+            wi: self.to_world(point.wi),
+            ..point
+        }
+    }
+
+    /// The place of a direction in the world.
+    #[inline(always)]
+    fn locate(&self, layout: &Layout, wi: Vec3) -> EnvironmentPoint {
+        EnvironmentPoint {
+            wi,
+            ..layout.locate(self.to_map(wi))
+        }
+    }
 }
 
 /// A direction and its place on the map: finding the place takes arithmetic and looking it up takes memory, and loops
@@ -227,11 +276,37 @@ impl Environment {
                 sin_rotation: sin as f32,
                 cos_rotation: cos as f32,
             },
+            turn: None,
             texels,
             table,
             irradiance_scale: total * 2.0 * PI * PI / count as f64,
             is_compensated: sampling == EnvSampling::Compensated,
         }))
+    }
+
+    /// Turns the content further, by a rotation that may mirror.
+    ///
+    /// # Errors
+    /// [`EnvironmentError::Turn`] if the columns of the matrix are not unit vectors at right angles, to 1e-4.
+    pub fn turned(mut self, to_world: DMat3) -> Result<Environment, EnvironmentError> {
+        let off = (to_world.transpose() * to_world - DMat3::IDENTITY).to_cols_array();
+        if !off.iter().all(|off| off.abs() <= TURN_TOLERANCE) {
+            return Err(EnvironmentError::Turn);
+        }
+        if let Environment::Map(map) = &mut self
+            && to_world != DMat3::IDENTITY
+        {
+            let x = to_world.x_axis.normalize();
+            let y = (to_world.y_axis - x * x.dot(to_world.y_axis)).normalize();
+            let z = x.cross(y) * to_world.determinant().signum();
+            let to_world = DMat3::from_cols(x, y, z);
+            let columns = |m: DMat3| [m.x_axis, m.y_axis, m.z_axis].map(|column| column.as_vec3());
+            map.turn = Some(Turn {
+                to_world: columns(to_world),
+                to_map: columns(to_world.transpose()),
+            });
+        }
+        Ok(self)
     }
 
     /// Whether bounces have to find a part of the light, which only multiple importance sampling lets them.
@@ -288,11 +363,22 @@ impl Environment {
                 for i in 0..padded(n) {
                     places.set(i, &layout.sample(texels[i], u.get(i)));
                 }
+                if let Some(turn) = map.turn {
+                    for i in 0..padded(n) {
+                        places.set(i, &turn.sampled(places.get(i)));
+                    }
+                }
             }
             Environment::Map(map) => {
+                // A uniform direction is as good before a turn as after it.
                 let layout = map.layout;
                 for i in 0..padded(n) {
                     places.set(i, &layout.locate(warp::uniform_sphere(u.get(i))));
+                }
+                if let Some(turn) = map.turn {
+                    for i in 0..padded(n) {
+                        places.set(i, &turn.sampled(places.get(i)));
+                    }
                 }
             }
             Environment::Constant(_) => {
@@ -309,8 +395,17 @@ impl Environment {
         match self {
             Environment::Map(map) => {
                 let layout = map.layout;
-                for i in 0..padded(n) {
-                    places.set(i, &layout.locate(directions.vec3(i)));
+                match map.turn {
+                    None => {
+                        for i in 0..padded(n) {
+                            places.set(i, &layout.locate(directions.vec3(i)));
+                        }
+                    }
+                    Some(turn) => {
+                        for i in 0..padded(n) {
+                            places.set(i, &turn.locate(&layout, directions.vec3(i)));
+                        }
+                    }
                 }
             }
             Environment::Constant(_) => {
@@ -325,8 +420,15 @@ impl Environment {
     #[inline(always)]
     pub fn sample(&self, texel: u32, u: [f32; 2]) -> EnvironmentPoint {
         match self {
-            Environment::Map(map) if map.table.is_some() => map.layout.sample(texel, u),
-            _ => self.locate(warp::uniform_sphere(u)),
+            Environment::Map(map) => {
+                let point = if map.table.is_some() {
+                    map.layout.sample(texel, u)
+                } else {
+                    map.layout.locate(warp::uniform_sphere(u))
+                };
+                map.turn.map_or(point, |turn| turn.sampled(point))
+            }
+            Environment::Constant(_) => self.locate(warp::uniform_sphere(u)),
         }
     }
 
@@ -335,7 +437,12 @@ impl Environment {
     pub fn locate(&self, wi: Vec3) -> EnvironmentPoint {
         match self {
             Environment::Constant(_) => EnvironmentPoint::nowhere(wi),
-            Environment::Map(map) => map.layout.locate(wi),
+            Environment::Map(EnvironmentMap { layout, turn: None, .. }) => layout.locate(wi),
+            Environment::Map(EnvironmentMap {
+                layout,
+                turn: Some(turn),
+                ..
+            }) => turn.locate(layout, wi),
         }
     }
 
@@ -385,6 +492,10 @@ impl EnvironmentMap {
             .map(|(row, texels)| {
                 let (sin_theta, cos_theta) = (PI * (row as f64 + 0.5) / height).sin_cos();
                 let mut sums = [DVec3::ZERO; 3];
+                let turned = |wi: DVec3| {
+                    let columns = |[x, y, z]: [Vec3; 3]| DMat3::from_cols(x.as_dvec3(), y.as_dvec3(), z.as_dvec3());
+                    self.turn.map_or(wi, |turn| columns(turn.to_world) * wi)
+                };
                 for (&[r, g, b, _], (sin_phi, cos_phi)) in texels.iter().zip(&columns) {
                     let luminance = f64::from(Rgb::new(r, g, b).luminance()) * sin_theta;
                     let (x, z) = (sin_phi * sin_theta, -cos_phi * sin_theta);
@@ -393,6 +504,7 @@ impl EnvironmentMap {
                         cos_theta,
                         z * cos_rotation - x * sin_rotation,
                     );
+                    let wi = turned(wi);
                     sums[0] += wi * luminance;
                     sums[1] += wi * wi * luminance;
                     sums[2] += DVec3::new(wi.y * wi.z, wi.z * wi.x, wi.x * wi.y) * luminance;

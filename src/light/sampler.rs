@@ -1,38 +1,43 @@
-//! The choice between emitters: triangles by a [`LightTree`], the environment against all of them by the light that each
-//! would bring to a point without occlusion.
+//! The choice between emitters: triangles and points by a [`LightTree`], the environment, lights from far away and the whole
+//! tree against each other by the light that each would bring to a point without occlusion.
 
+use super::distant::DistantLights;
 use super::environment::Irradiance;
-use super::tree::{Leaf, LightTree, Visit};
-use super::{AreaLight, Emission, Environment, EnvironmentPoint, LightSample};
-use crate::math::Vec3;
+use super::tree::{LightTree, Visit};
+use super::{AreaLight, Environment, EnvironmentPoint, LightSample, PunctualLight};
+use crate::math::{Rgb, Vec3};
 use crate::sampling::{Dimension, Sampler};
-use rayon::prelude::*;
-use std::f64::consts::PI;
 
-/// Least probability of the environment and of all triangles together, where there are both and each may contribute:
-/// either may hide the other from a point, which no estimate knows.
+/// Least probability of the environment, of all lights from far away, and of the tree, where there is more than one of them
+/// and each may contribute: any may hide the others from a point, which no estimate knows.
 const LEAST_PMF: f32 = 0.05;
 
-/// How a triangle is chosen among those that emit.
+/// How an emitter is chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LightSampling {
     /// By an estimate of what each brings to the point, without occlusion; the environment likewise.
     #[default]
     Contribution,
-    /// By power, wherever the point is, as the article does. The environment, where there is one, gets half of the samples.
+    /// By power, wherever the point is, as the article does: that of light from far away is what passes through the scene. The
+    /// environment, where there is one, gets half of the samples.
     Power,
 }
 
 /// Draws directions towards emitters and knows the density of any direction.
 #[derive(Clone, Debug, Default)]
 pub struct LightSampler {
-    areas: Vec<AreaLight>,
-    /// Absent without triangles that emit.
-    tree: Option<LightTree>,
-    environment: Option<Environment>,
-    /// Absent unless there is a choice between the environment and triangles.
-    irradiance: Option<Irradiance>,
-    sampling: LightSampling,
+    pub(super) areas: Vec<AreaLight>,
+    /// In the tree they come after the triangles.
+    pub(super) punctual: Vec<PunctualLight>,
+    pub(super) distant: DistantLights,
+    /// Absent without triangles or points that emit.
+    pub(super) tree: Option<LightTree>,
+    pub(super) environment: Option<Environment>,
+    /// Absent unless there is a choice between the environment and others.
+    pub(super) irradiance: Option<Irradiance>,
+    pub(super) sampling: LightSampling,
+    /// Power [W] as luminance: what lights from far away send through the scene, and what all in the tree send.
+    pub(super) powers: [f64; 2],
 }
 
 /// An emitter that was drawn.
@@ -44,6 +49,10 @@ pub enum Emitter {
     Area(u32),
     /// The environment.
     Environment,
+    /// A point, by its index.
+    Punctual(u32),
+    /// Light from far away, by its index.
+    Distant(u32),
 }
 
 /// What [`LightSampler::choose`] has drawn.
@@ -66,75 +75,19 @@ impl Chosen {
     };
 }
 
-/// Collects the emitters of a scene.
-#[derive(Clone, Debug, Default)]
-pub struct LightSamplerBuilder {
-    triangles: Vec<([Vec3; 3], Emission)>,
-}
-
-impl LightSamplerBuilder {
-    /// Number of triangles so far: the index that the next one gets.
-    pub fn len(&self) -> usize {
-        self.triangles.len()
-    }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.triangles.is_empty()
-    }
-
-    /// Adds an emitting triangle in world coordinates, its corners counter-clockwise from the front.
-    pub fn push(&mut self, corners: [Vec3; 3], emission: Emission) {
-        self.triangles.push((corners, emission));
-    }
-
-    /// Builds the tree. Emitters without power are never drawn.
-    pub fn build(self, environment: Option<Environment>, sampling: LightSampling) -> LightSampler {
-        let (areas, leaves): (Vec<AreaLight>, Vec<Option<Leaf>>) = self
-            .triangles
-            .par_iter()
-            .enumerate()
-            .map(|(index, &(corners, emission))| {
-                let (light, area) = AreaLight::new(corners, emission);
-                let mass = area * emission.exitance() / PI;
-                let leaf = Leaf {
-                    index: index as u32,
-                    corners,
-                    normal: light.normal(),
-                    both_sides: emission.both_sides,
-                    mass,
-                };
-                (
-                    light,
-                    (mass > 0.0 && mass.is_finite() && light.has_density()).then_some(leaf),
-                )
-            })
-            .unzip();
-        let leaves: Vec<Leaf> = leaves.into_iter().flatten().collect();
-        let tree = LightTree::new(
-            &leaves,
-            areas.len(),
-            environment.is_none(),
-            sampling == LightSampling::Power,
-        );
-        let irradiance = match (&tree, &environment) {
-            (Some(_), Some(environment)) => Some(environment.irradiance()),
-            _ => None,
-        };
-        LightSampler {
-            areas,
-            tree,
-            environment,
-            irradiance,
-            sampling,
-        }
-    }
+/// What is drawn first: the probabilities of the environment, of all lights from far away, and of the tree.
+#[derive(Clone, Copy)]
+struct Shares {
+    environment: f32,
+    distant: f32,
+    tree: f32,
 }
 
 impl LightSampler {
-    /// Number of emitters: triangles, and one for the environment.
+    /// Number of emitters: triangles, points, lights from far away, and one for the environment.
     pub fn len(&self) -> usize {
-        self.areas.len() + usize::from(self.environment.is_some())
+        let others = self.punctual.len() + self.distant.len();
+        self.areas.len() + others + usize::from(self.environment.is_some())
     }
 
     /// Whether there are no emitters at all.
@@ -149,7 +102,7 @@ impl LightSampler {
 
     /// Draws an emitter for the point `p` of a surface by 64 random bits, of which the high ones matter most, and states the
     /// probability of it. `n` is the unit normal on the side that light comes from; zero if it may come from both. `AREA` and
-    /// `ENVIRONMENT` say which kinds the scene may have.
+    /// `ENVIRONMENT` say which kinds the scene may have; others it must not have: see [`LightSampler::choose_any`].
     #[inline(always)]
     pub fn choose<const AREA: bool, const ENVIRONMENT: bool>(&self, p: Vec3, n: Vec3, bits: u64) -> Chosen {
         let Some(tree) = self.tree.as_ref().filter(|_| AREA) else {
@@ -187,16 +140,80 @@ impl LightSampler {
         }
     }
 
+    /// [`LightSampler::choose`] for scenes that may have all kinds of emitters.
+    #[inline(always)]
+    pub fn choose_any(&self, p: Vec3, n: Vec3, bits: u64) -> Chosen {
+        let chosen = if self.distant.is_empty() {
+            self.choose::<true, true>(p, n, bits)
+        } else {
+            self.choose_among_all(p, n, bits)
+        };
+        match chosen.emitter {
+            Emitter::Area(leaf) if leaf as usize >= self.areas.len() => Chosen {
+                emitter: Emitter::Punctual(leaf - self.areas.len() as u32),
+                ..chosen
+            },
+            _ => chosen,
+        }
+    }
+
+    /// The choice where there is light from far away. What comes from the tree is called a triangle.
+    #[inline(never)]
+    fn choose_among_all(&self, p: Vec3, n: Vec3, bits: u64) -> Chosen {
+        let visit = self.tree.as_ref().map(|tree| tree.visit(p, n));
+        let shares = self.shares(n, visit.as_ref());
+        let [environment, distant, in_tree] = [shares.environment, shares.distant, shares.tree].map(f64::from);
+        let u = (bits >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0);
+        // Where rounding leaves a gap after the last that can contribute, it belongs to that one.
+        let (emitter, pmf) = if environment > 0.0 && (u < environment || distant + in_tree == 0.0) {
+            (Emitter::Environment, shares.environment)
+        } else if distant > 0.0 && (u < environment + distant || in_tree == 0.0) {
+            let u = ((u - environment) / distant).clamp(0.0, 1.0f64.next_down());
+            match self.distant.choose(u, n) {
+                Some((light, pmf)) => (Emitter::Distant(light), pmf * shares.distant),
+                None => (Emitter::None, 0.0),
+            }
+        } else {
+            let u = ((u - environment - distant) / in_tree).clamp(0.0, 1.0f64.next_down());
+            match visit.filter(|_| in_tree > 0.0).and_then(|visit| visit.choose(u)) {
+                Some((leaf, pmf)) => (Emitter::Area(leaf), pmf * shares.tree),
+                None => (Emitter::None, 0.0),
+            }
+        };
+        Chosen {
+            emitter,
+            pmf,
+            environment_pmf: shares.environment,
+        }
+    }
+
+    /// The probability with which [`LightSampler::choose_any`] draws an emitter: the same bits.
+    pub fn pmf(&self, emitter: Emitter, p: Vec3, n: Vec3) -> f32 {
+        match emitter {
+            Emitter::None => 0.0,
+            Emitter::Area(light) => self.area_pmf(light, p, n),
+            Emitter::Environment => self.environment_pmf(p, n),
+            Emitter::Punctual(light) => self.area_pmf(light + self.areas.len() as u32, p, n),
+            Emitter::Distant(light) => self.distant_pmf(light, p, n),
+        }
+    }
+
     /// The probability with which [`LightSampler::choose`] draws a triangle: the same bits.
     #[inline]
     pub fn area_pmf(&self, light: u32, p: Vec3, n: Vec3) -> f32 {
         let Some(tree) = &self.tree else { return 0.0 };
         let visit = tree.visit(p, n);
         let rest = match &self.irradiance {
+            _ if !self.distant.is_empty() => self.shares(n, Some(&visit)).tree,
             Some(irradiance) => 1.0 - self.environment_share(irradiance, n, &visit),
             None => 1.0,
         };
         visit.pmf(light) * rest
+    }
+
+    fn distant_pmf(&self, light: u32, p: Vec3, n: Vec3) -> f32 {
+        let visit = self.tree.as_ref().map(|tree| tree.visit(p, n));
+        self.distant.pmf(light, n) * self.shares(n, visit.as_ref()).distant
     }
 
     /// An emitting triangle.
@@ -208,6 +225,10 @@ impl LightSampler {
     /// The probability with which [`LightSampler::choose`] draws the environment: the same bits.
     #[inline]
     pub fn environment_pmf(&self, p: Vec3, n: Vec3) -> f32 {
+        if !self.distant.is_empty() {
+            let visit = self.tree.as_ref().map(|tree| tree.visit(p, n));
+            return self.shares(n, visit.as_ref()).environment;
+        }
         match (&self.tree, &self.irradiance) {
             (Some(tree), Some(irradiance)) => self.environment_share(irradiance, n, &tree.visit(p, n)),
             _ => f32::from(self.tree.is_none() && self.environment.is_some()),
@@ -239,13 +260,44 @@ impl LightSampler {
         })
     }
 
+    /// The direction from `p` towards a point that was drawn with probability `pmf`. `None` if it carries no light.
+    #[inline]
+    pub fn sample_punctual(&self, light: u32, pmf: f32, p: Vec3) -> Option<LightSample> {
+        self.punctual[light as usize].sample(pmf, p)
+    }
+
+    /// Draws a direction towards a light from far away that was drawn with probability `pmf`. `None` if it carries no light.
+    #[inline]
+    pub fn sample_distant(&self, light: u32, pmf: f32, u: [f32; 2]) -> Option<LightSample> {
+        self.distant.sample(light, pmf, u)
+    }
+
+    /// Whether rays that meet nothing may meet a disc.
+    pub fn has_discs(&self) -> bool {
+        self.distant.has_discs()
+    }
+
+    /// Discs that a ray along the unit direction `wi` meets if nothing is in between: index and radiance.
+    #[inline]
+    pub fn discs(&self, wi: Vec3) -> impl Iterator<Item = (u32, Rgb)> {
+        self.distant.met(wi)
+    }
+
+    /// Density [1/sr] with which [`LightSampler::sample`] draws a direction from `p` to a disc.
+    #[inline]
+    pub fn disc_pdf_w(&self, disc: u32, p: Vec3, n: Vec3) -> f32 {
+        self.distant.disc_pdf_w(disc) * self.distant_pmf(disc, p, n)
+    }
+
     /// Draws a direction from `p` towards any emitter: the steps above in one, for a single point. `None` if it carries
-    /// no light.
+    /// no light. Emission of triangles does not vary here.
     pub fn sample(&self, p: Vec3, n: Vec3, sampler: &Sampler) -> Option<LightSample> {
         let u = sampler.get_2d(Dimension::LightPosition);
-        let Chosen { emitter, pmf, .. } = self.choose::<true, true>(p, n, sampler.get_u64(Dimension::LightChoice));
+        let Chosen { emitter, pmf, .. } = self.choose_any(p, n, sampler.get_u64(Dimension::LightChoice));
         match (emitter, &self.environment) {
             (Emitter::Area(light), _) => self.sample_area(light, pmf, p, u),
+            (Emitter::Punctual(light), _) => self.sample_punctual(light, pmf, p),
+            (Emitter::Distant(light), _) => self.sample_distant(light, pmf, u),
             (Emitter::Environment, Some(environment)) => {
                 let texel = environment.choose_texel(sampler.get_u64(Dimension::Texel));
                 self.sample_environment(environment, pmf, &environment.sample(texel, u))
@@ -261,9 +313,10 @@ impl LightSampler {
         self.areas[light as usize].pdf_w(self.area_pmf(light, p, n), distance_squared, cos)
     }
 
-    /// Bytes of the triangles and of the tree; the environment counts for itself.
+    /// Bytes of all emitters and of the tree; the environment counts for itself.
     pub fn memory_bytes(&self) -> usize {
-        size_of_val(&*self.areas) + self.tree.as_ref().map_or(0, LightTree::memory_bytes)
+        let lights = size_of_val(&*self.areas) + size_of_val(&*self.punctual) + self.distant.memory_bytes();
+        lights + self.tree.as_ref().map_or(0, LightTree::memory_bytes)
     }
 
     /// The share of samples that the environment gets, given the irradiance that it and all triangles bring.
@@ -281,6 +334,43 @@ impl LightSampler {
             // Their sum may be beyond what f32 holds.
             let share = 1.0 / (1.0 + areas / environment);
             share.clamp(LEAST_PMF, 1.0 - LEAST_PMF)
+        }
+    }
+
+    /// The shares where there is light from far away, by the irradiance that each brings; or by power, where the environment,
+    /// which has none to compare, gets half.
+    fn shares(&self, n: Vec3, visit: Option<&Visit>) -> Shares {
+        let environment = self
+            .irradiance
+            .as_ref()
+            .map_or(0.0, |irradiance| f64::from(irradiance.at(n)));
+        let weights = match self.sampling {
+            LightSampling::Contribution => [
+                environment,
+                self.distant.irradiance(n),
+                visit.map_or(0.0, |visit| f64::from(visit.irradiance())),
+            ],
+            LightSampling::Power => {
+                let [distant, tree] = self.powers;
+                [if environment > 0.0 { distant + tree } else { 0.0 }, distant, tree]
+            }
+        };
+        // Estimates may be beyond what f32 holds.
+        let weights = weights.map(|weight| weight.min(f64::from(f32::MAX)));
+        let total: f64 = weights.iter().sum();
+        let at_least = weights.map(|weight| {
+            if weight > 0.0 {
+                (weight / total).max(LEAST_PMF.into())
+            } else {
+                0.0
+            }
+        });
+        let total: f64 = at_least.iter().sum();
+        let [environment, distant, tree] = at_least.map(|share| if share > 0.0 { (share / total) as f32 } else { 0.0 });
+        Shares {
+            environment,
+            distant,
+            tree,
         }
     }
 }

@@ -1,11 +1,11 @@
-//! The choice between emitting triangles by what they contribute at a point: a tree of clusters of them.
+//! The choice between emitting triangles and points by what they contribute at a point: a tree of clusters of them.
 //!
 //! After Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting". At each node a
 //! child is drawn in proportion to an estimate of the irradiance that it brings without occlusion,
 //!
 //! Σ L A · cos at the emitter · cos at the receiver / distance²,     (1)
 //!
-//! down to a single triangle; the probability of that is the product along the way. Two things differ from the paper:
+//! down to a single emitter; the probability of that is the product along the way. Two things differ from the paper:
 //! - Nodes have eight children in structure-of-arrays form. The estimate is straight-line arithmetic on all eight at once,
 //!   and a million triangles are seven steps away.
 //! - The cosines are means, not bounds. A bound gives a sphere of triangles, half of which face away and most of the others
@@ -14,14 +14,17 @@
 //!   along one axis, exact for planes, 15 % high for spheres.
 //!
 //! Bounds decide when a child gets exactly 0, and only then: it is below the receiver's horizon, or all of it faces away,
-//! rounding included. Every triangle that can contribute is therefore drawn at times. Where no child of a node can
+//! rounding included. Every emitter that can contribute is therefore drawn at times. Where no child of a node can
 //! contribute, nothing is drawn.
+//!
+//! A point is a cluster without extent whose normals go all ways, and a narrow spot one with a single normal whose light ends
+//! before a right angle to it; L A is then what makes equation (1) its intensity over squared distance.
 
 use crate::math::Vec3;
 
 mod build;
 
-pub(super) use build::Leaf;
+pub(super) use build::{Leaf, Profile};
 
 /// Children of a node.
 const WIDTH: usize = 8;
@@ -45,22 +48,26 @@ const HALF_UP: f32 = 0.4;
 /// Farthest place of a receiver that is told apart from others in its direction, in sizes of the root.
 const FARTHEST: f32 = 1e8;
 
-/// Bit of a child's name that says it is a triangle; the rest is its index, or that of a node.
-const TRIANGLE: u32 = 1 << 31;
+/// Bit of a child's name that says it is an emitter; the rest is its index, or that of a node.
+const LEAF: u32 = 1 << 31;
+
+/// Rounding of the cosine between two unit vectors.
+const COS_ROUNDING: f32 = 1e-6;
 
 /// Eight children. Places are relative to the root's and in units of its size; without children, the mass is 0.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 struct Node {
     center: [[f32; WIDTH]; 3],
-    /// Of a sphere around the centre that holds all triangles.
+    /// Of a sphere around the centre that holds all emitters.
     radius: [f32; WIDTH],
     /// Unit vector that normals are measured along.
     axis: [[f32; WIDTH]; 3],
     /// Mean of the cosine between axis and normal, and of its square.
     mean_cos: [f32; WIDTH],
     mean_cos2: [f32; WIDTH],
-    /// Of the largest angle between the axis and a normal; 2 from a right angle on.
+    /// Of the largest angle between the axis and a normal; 2 from a right angle on. Light goes as far as a right angle beyond;
+    /// negative where it does not go as far: minus the cosine of the largest angle to the axis.
     sin_spread: [f32; WIDTH],
     /// Σ L A, both sides counted where both emit, over the largest in this node.
     mass: [f32; WIDTH],
@@ -83,25 +90,35 @@ struct Shares {
     total: f64,
 }
 
-/// A tree of emitting triangles.
+/// What the importance of a child depends on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Mode {
+    /// Equation (1).
+    Place,
+    /// The same; there are emitters whose light ends before a right angle to their axis.
+    Cones,
+    /// Mass alone: it was asked for, or it is one lamp.
+    Power,
+}
+
+/// A tree of emitters.
 #[derive(Clone, Debug)]
 pub(super) struct LightTree {
     /// The root first.
     nodes: Vec<Node>,
     /// By node: the slot that it fills, as eight times the node above plus the child.
     parents: Vec<u32>,
-    /// By triangle: the slot that it fills; `u32::MAX` for one without power.
+    /// By emitter: the slot that it fills; `u32::MAX` for one without power.
     slots: Vec<u32>,
     origin: Vec3,
     /// One over the root's size.
     scale: f32,
     /// Irradiance [W·m⁻²] that a sum of importance at the root stands for.
     irradiance: f64,
-    /// Whether places do not count: it was asked for, or it is one lamp.
-    by_power: bool,
+    mode: Mode,
 }
 
-/// Steps from the root to a triangle, at most.
+/// Steps from the root to an emitter, at most.
 const MAX_DEPTH: usize = 32;
 
 #[inline(always)]
@@ -115,9 +132,9 @@ fn min(a: f32, b: f32) -> f32 {
 }
 
 impl Node {
-    /// Equation (1) for each child.
+    /// Equation (1) for each child. `CONES`: whether there may be negative spreads.
     #[inline(always)]
-    fn importance(&self, at: &Receiver) -> [f32; WIDTH] {
+    fn importance<const CONES: bool>(&self, at: &Receiver) -> [f32; WIDTH] {
         let mut importance = [0.0; WIDTH];
         #[allow(clippy::needless_range_loop, reason = "a child is read in many columns at once")]
         for i in 0..WIDTH {
@@ -144,9 +161,19 @@ impl Node {
             let emitter = max(0.5 * (mean + mean2.sqrt()), LEAST_COS);
 
             // Planes have no thickness: how far apart their points are does not matter to which side is seen.
-            let planar = self.sin_spread[i] < PARALLEL;
+            let spread = self.sin_spread[i];
+            let planar = if CONES {
+                spread.abs() < PARALLEL
+            } else {
+                spread < PARALLEL
+            };
             let sin_thick = if planar { at.rounding * inv_d } else { sin };
-            let away = cos_emitter < -(self.sin_spread[i] + sin_thick);
+            // A bound on the sine of how far beyond a right angle light goes. Sines of a sum are at most their sum, but not
+            // those of a difference unless it is negative.
+            let beyond = spread + sin_thick;
+            let near_cone = CONES & (spread < 0.0) & (beyond > 0.0);
+            let beyond = if near_cone { sin_thick + COS_ROUNDING } else { beyond };
+            let away = cos_emitter < -beyond;
             let never = away | (receiver <= 0.0) | (self.mass[i] <= 0.0);
             let value = self.mass[i] * emitter * receiver / max(d2, LEAST_DISTANCE2 * radius2);
             importance[i] = if never { 0.0 } else { max(value, f32::MIN_POSITIVE) };
@@ -214,7 +241,11 @@ impl LightTree {
     #[inline(always)]
     fn shares(&self, node: u32, at: &Receiver) -> Shares {
         let node = &self.nodes[node as usize];
-        Shares::new(if self.by_power { node.mass } else { node.importance(at) })
+        Shares::new(match self.mode {
+            Mode::Place => node.importance::<false>(at),
+            Mode::Cones => node.importance::<true>(at),
+            Mode::Power => node.mass,
+        })
     }
 
     /// Looks at the tree from the point `p` of a surface with the unit normal `n`, or with none if it takes light from both
@@ -243,13 +274,13 @@ pub(super) struct Visit<'a> {
 }
 
 impl Visit<'_> {
-    /// Estimated irradiance by all triangles, without occlusion [W·m⁻²]: luminance.
+    /// Estimated irradiance by all emitters, without occlusion [W·m⁻²]: luminance.
     #[inline(always)]
     pub(super) fn irradiance(&self) -> f32 {
         (self.root.total * self.tree.irradiance) as f32
     }
 
-    /// Draws a triangle by `u` in [0, 1): its index and probability. `None` where nothing can contribute.
+    /// Draws an emitter by `u` in [0, 1): its index and probability. `None` where nothing can contribute.
     #[inline(always)]
     pub(super) fn choose(&self, u: f64) -> Option<(u32, f32)> {
         if self.root.total <= 0.0 {
@@ -258,7 +289,7 @@ impl Visit<'_> {
         let (slot, mut u) = self.root.choose(u);
         let mut pmf = self.root.pmf(slot);
         let mut child = self.tree.nodes[0].child[slot];
-        while child & TRIANGLE == 0 {
+        while child & LEAF == 0 {
             let shares = self.tree.shares(child, &self.at);
             if shares.total <= 0.0 {
                 return None;
@@ -268,13 +299,13 @@ impl Visit<'_> {
             pmf *= shares.pmf(slot);
             child = self.tree.nodes[child as usize].child[slot];
         }
-        Some((child & !TRIANGLE, pmf as f32))
+        Some((child & !LEAF, pmf as f32))
     }
 
-    /// The probability with which [`Visit::choose`] draws a triangle: the same bits.
+    /// The probability with which [`Visit::choose`] draws an emitter: the same bits.
     #[inline(always)]
-    pub(super) fn pmf(&self, triangle: u32) -> f32 {
-        let mut slot = self.tree.slots[triangle as usize];
+    pub(super) fn pmf(&self, emitter: u32) -> f32 {
+        let mut slot = self.tree.slots[emitter as usize];
         if slot == u32::MAX || self.root.total <= 0.0 {
             return 0.0;
         }

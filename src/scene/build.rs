@@ -2,6 +2,7 @@
 
 use super::desc::{EnvironmentDesc, ObjectDesc, SceneDesc};
 use super::features::SceneFeatures;
+use super::lights::{self, EmissionMaps};
 use super::origin;
 use crate::accel::{Geometry, Hit, Placement};
 use crate::bsdf::Bsdf;
@@ -54,6 +55,8 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// Emitters.
     pub lights: LightSampler,
+    /// Emission that varies over surfaces.
+    pub emission_maps: EmissionMaps,
     /// What the scene requires.
     pub features: SceneFeatures,
     /// Path length that the scene asks for.
@@ -103,6 +106,14 @@ pub enum SceneError {
     /// A vertex ends up out of the range of f32.
     #[error("{0}: transform: it moves a vertex beyond what 32-bit coordinates can hold")]
     Overflow(String),
+    /// A light that is no surface cannot be.
+    #[error("light {index} (from 0): {problem}")]
+    Light {
+        /// Its index in the description.
+        index: usize,
+        /// What is wrong.
+        problem: &'static str,
+    },
     /// More placements or triangles than 32-bit indices can name.
     #[error("the scene has more than 2^32 {0}")]
     TooMany(&'static str),
@@ -144,20 +155,17 @@ impl Scene {
         let materials: Vec<Material> = desc.materials.into_iter().map(|(_, material)| material).collect();
 
         let mut lights = LightSamplerBuilder::default();
+        let mut emission_maps = EmissionMaps::default();
         let mut surfaces = Vec::with_capacity(desc.objects.len());
         for (placement, object) in desc.objects.iter().enumerate() {
-            let emission = object.emission.filter(|e| !e.radiance.is_black()).map(|emission| {
-                let first = lights.len() as u32;
-                let mesh = &geometry.meshes[geometry.placements[placement].mesh as usize];
-                let mirrored = geometry.placements[placement]
-                    .to_world
-                    .is_some_and(|m| m.matrix3.determinant() < 0.0);
-                for triangle in 0..mesh.indices.len() as u32 {
-                    let [a, b, c] = geometry.world_triangle(placement as u32, triangle);
-                    lights.push(if mirrored { [a, c, b] } else { [a, b, c] }, emission);
-                }
-                (emission, first)
-            });
+            let emission = add_emission(
+                placement as u32,
+                object,
+                &geometry,
+                &desc.textures,
+                &mut lights,
+                &mut emission_maps,
+            );
             surfaces.push(Surface {
                 material: object.material as u32,
                 emission,
@@ -166,8 +174,14 @@ impl Scene {
                 is_general: parts(&materials, object.material).any(Material::is_general),
             });
         }
-        if u32::try_from(lights.len()).is_err() {
-            return Err(SceneError::TooMany("emitting triangles"));
+        lights::add(&desc.lights, origin, &mut lights)?;
+        // The tree has one bit for other purposes.
+        if lights.len() + lights.others() >= 1 << 31 {
+            return Err(SceneError::TooMany("emitters"));
+        }
+        let has_others = lights.others() > 0;
+        if has_others && let Some((lo, hi)) = geometry.bounds() {
+            lights.set_scene_radius(0.5 * (hi.as_dvec3() - lo.as_dvec3()).length());
         }
 
         let environment = match desc.environment {
@@ -179,16 +193,14 @@ impl Scene {
                 image,
                 scale,
                 rotation_degrees,
-                ..
-            }) => Some(Environment::from_map(
-                &image,
-                scale,
-                rotation_degrees,
-                match options.env_sampling {
+                to_world,
+            }) => {
+                let sampling = match options.env_sampling {
                     EnvSampling::Importance if options.mis => EnvSampling::Compensated,
                     sampling => sampling,
-                },
-            )?),
+                };
+                Some(Environment::from_map(&image, scale, rotation_degrees, sampling)?.turned(to_world)?)
+            }
         };
         let used = |condition: fn(&Material) -> bool| {
             surfaces
@@ -202,11 +214,13 @@ impl Scene {
             .union(SceneFeatures::SMOOTH_NORMALS.when(geometry.meshes.iter().any(|m| !m.normals.is_empty())))
             .union(SceneFeatures::SPECULAR.when(used(|m| !m.is_diffuse())))
             .union(SceneFeatures::CUTOUTS.when(used(|m| m.opacity.is_some())))
-            .union(SceneFeatures::GENERAL.when(surfaces.iter().any(|s| s.is_general)));
+            .union(SceneFeatures::GENERAL.when(surfaces.iter().any(|s| s.is_general)))
+            .union(SceneFeatures::PUNCTUAL.when(has_others || !emission_maps.is_empty()));
         Ok(Scene {
             origin,
             camera,
             lights: lights.build(environment, options.light_sampling),
+            emission_maps,
             geometry,
             surfaces,
             materials,
@@ -241,6 +255,25 @@ impl Scene {
         material.bsdf::<true, true, true>(&self.textures, point, front, tangent)
     }
 
+    /// What emission is multiplied by at a hit; `None` where it does not vary.
+    #[inline]
+    pub fn emission_at(&self, hit: &Hit) -> Option<Rgb> {
+        self.emission_maps.at(&self.textures, &self.geometry, hit)
+    }
+
+    /// Whether the emission of a triangle among the lights varies.
+    #[inline]
+    pub fn emission_varies(&self, light: u32) -> bool {
+        self.emission_maps.vary(light)
+    }
+
+    /// The same where [`crate::light::AreaLight::sample`] comes to on a triangle among the lights from a place `u` of the unit
+    /// square.
+    #[inline]
+    pub fn emission_at_sample(&self, light: u32, u: [f32; 2]) -> Option<Rgb> {
+        self.emission_maps.at_sample(&self.textures, &self.geometry, light, u)
+    }
+
     /// Triangles of all placements, instances counted each.
     pub fn triangles(&self) -> u64 {
         self.geometry
@@ -266,6 +299,35 @@ impl Scene {
             ("lights", self.lights.memory_bytes()),
         ]
     }
+}
+
+/// Adds the triangles of a placement to the lights, if they emit: the emission, and the index of the first.
+fn add_emission(
+    placement: u32,
+    object: &ObjectDesc,
+    geometry: &Geometry,
+    textures: &[Texture],
+    lights: &mut LightSamplerBuilder,
+    emission_maps: &mut EmissionMaps,
+) -> Option<(Emission, u32)> {
+    let emission = object.emission.filter(|e| !e.radiance.is_black())?;
+    let means = match &object.emission_map {
+        Some(map) => Some(lights::mean_emission(map, &emission, textures, geometry, placement)?),
+        None => None,
+    };
+    let first = lights.len() as u32;
+    let Placement { mesh, to_world } = &geometry.placements[placement as usize];
+    let is_mirrored = to_world.is_some_and(|m| m.matrix3.determinant() < 0.0);
+    for triangle in 0..geometry.meshes[*mesh as usize].indices.len() as u32 {
+        let [a, b, c] = geometry.world_triangle(placement, triangle);
+        let corners = if is_mirrored { [a, c, b] } else { [a, b, c] };
+        let mean = means.as_ref().map_or(1.0, |means| means[triangle as usize]);
+        lights.push_varying(corners, emission, mean);
+    }
+    if let Some(map) = object.emission_map {
+        emission_maps.insert(placement, map, first..lights.len() as u32, is_mirrored);
+    }
+    Some((emission, first))
 }
 
 /// A material and all that it refers to, to any depth.

@@ -3,6 +3,7 @@
 use crate::camera::CameraDesc;
 use crate::image::Image;
 use crate::light::Emission;
+pub use crate::light::Falloff;
 use crate::material::{Material, Spectrum};
 use crate::math::{DAffine3, DMat3, DVec3, Rgb};
 use crate::mesh::TriangleMesh;
@@ -85,16 +86,6 @@ pub enum LightDesc {
         /// Radius of the disc as an angle, in radians, in [0, π/2); 0 is parallel light.
         radius: f64,
     },
-}
-
-/// How a spot's intensity falls from its beam to its edge.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Falloff {
-    /// Linear in the angle.
-    #[default]
-    Angle,
-    /// The square of what is linear in the cosine.
-    Cosine,
 }
 
 /// A mesh standing in the world.

@@ -21,10 +21,13 @@ impl SceneFeatures {
     pub const CUTOUTS: SceneFeatures = SceneFeatures(1 << 5);
     /// Materials that take more than a look at their parameters: see [`crate::material::Material::is_general`].
     pub const GENERAL: SceneFeatures = SceneFeatures(1 << 6);
+    /// Emitters that are neither triangles of one radiance nor the environment: points, spots, light from far away, and emission
+    /// that varies over a surface.
+    pub const PUNCTUAL: SceneFeatures = SceneFeatures(1 << 7);
     /// All of the above: serves every scene.
-    pub const ALL: SceneFeatures = SceneFeatures((1 << 7) - 1);
+    pub const ALL: SceneFeatures = SceneFeatures((1 << 8) - 1);
 
-    const NAMES: [(SceneFeatures, &'static str); 7] = [
+    const NAMES: [(SceneFeatures, &'static str); 8] = [
         (SceneFeatures::ENVIRONMENT, "environment"),
         (SceneFeatures::AREA_LIGHTS, "area-lights"),
         (SceneFeatures::TEXTURES, "textures"),
@@ -32,6 +35,7 @@ impl SceneFeatures {
         (SceneFeatures::SPECULAR, "specular"),
         (SceneFeatures::CUTOUTS, "cutouts"),
         (SceneFeatures::GENERAL, "general-materials"),
+        (SceneFeatures::PUNCTUAL, "punctual-lights"),
     ];
 
     /// Whether every bit of `other` is set.

@@ -231,11 +231,12 @@ pub fn ladder(desc: &SceneDesc, max_depth: Option<u32>, backends: &[Backend]) ->
     ladder.settings
 }
 
-/// Whether there are area lights, and more than one emitter to choose from.
+/// Whether there are emitters besides the environment, and more than one to choose from.
 fn has_choice_of_emitters(desc: &SceneDesc) -> bool {
     let lamps = || desc.objects.iter().filter(|object| object.emission.is_some());
     let triangles: usize = lamps().map(|object| desc.meshes[object.mesh].indices.len()).sum();
-    triangles > 0 && triangles + usize::from(desc.environment.is_some()) > 1
+    let lights = triangles + desc.lights.len();
+    lights > 0 && lights + usize::from(desc.environment.is_some()) > 1
 }
 
 struct Ladder {

@@ -1,8 +1,8 @@
-//! Building the tree, level by level: every node halves its triangles until it has eight parts, each time so that mass ×
+//! Building the tree, level by level: every node halves its emitters until it has eight parts, each time so that mass ×
 //! spread of normals × squared diagonal becomes least (after Conty Estevez and Kulla 2018). The nodes of a level are built
 //! by as many threads as there are; the result does not depend on them.
 
-use super::{LightTree, MAX_DEPTH, Node, PARALLEL, TRIANGLE, WIDTH};
+use super::{LEAF, LightTree, MAX_DEPTH, Mode, Node, PARALLEL, WIDTH};
 use crate::math::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -10,48 +10,77 @@ use std::f64::consts::PI;
 /// Bins of a split along one axis.
 const BINS: usize = 16;
 
-/// Triangles up to which every split is tried, and not only those between bins.
+/// Emitters up to which every split is tried, and not only those between bins.
 const SWEPT: usize = 64;
 
-/// Level from which on halves have equal numbers, so that the depth has a limit: 2³² triangles are another 11 levels.
+/// Level from which on halves have equal numbers, so that the depth has a limit: 2³² emitters are another 11 levels.
 const BALANCED_LEVEL: usize = MAX_DEPTH - 12;
 
 /// Share of the disc around it from which on a plane of few triangles is one lamp, and not several.
 const LAMP_SHARE: f64 = 0.2;
 
-/// An emitting triangle.
+/// Where to an emitter sends its light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::light) enum Profile {
+    /// To the side of the normal, by the cosine: a triangle.
+    Front,
+    /// To both sides, by the cosine: a triangle.
+    BothSides,
+    /// By the cosine, too, but only within this angle of the normal [rad], less than a right one.
+    Narrow(f32),
+    /// In all directions within this angle of the normal [rad] alike.
+    Wide(f32),
+    /// In all directions alike.
+    Sphere,
+}
+
+/// An emitting triangle, or a point.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::light) struct Leaf {
     pub(in crate::light) index: u32,
+    /// All the same for a point.
     pub(in crate::light) corners: [Vec3; 3],
     pub(in crate::light) normal: Vec3,
-    pub(in crate::light) both_sides: bool,
-    /// Luminance of the radiance × area, of both sides if both emit.
+    pub(in crate::light) profile: Profile,
+    /// Luminance of the radiance × area, of both sides if both emit; of a point, what brings as much.
     pub(in crate::light) mass: f64,
 }
 
-/// A triangle relative to the root.
+/// A leaf relative to the root.
 #[derive(Clone, Copy, Debug)]
 struct Item {
     center: Vec3,
     /// Of a sphere around the centre that holds it.
     radius: f32,
     normal: Vec3,
-    both_sides: bool,
+    profile: Profile,
     index: u32,
     /// Over the largest.
     mass: f32,
 }
 
+impl Profile {
+    /// Whether there is an axis to it.
+    fn is_directed(self) -> bool {
+        !matches!(self, Profile::BothSides | Profile::Sphere)
+    }
+
+    fn is_cone(self) -> bool {
+        matches!(self, Profile::Narrow(_) | Profile::Wide(_))
+    }
+}
+
 impl LightTree {
-    /// Builds the tree of `leaves`, whose masses are positive, out of `triangles` in all. `None` if there are none.
-    /// `is_alone`: whether there is nothing but triangles, so that what one lamp brings need not be known. `by_power`: whether
-    /// places do not count.
+    /// Builds the tree of `leaves`, whose masses are positive, out of `emitters` in all. `None` if there are none.
+    /// `is_alone`: whether there is nothing but these, so that what one lamp brings need not be known. `by_power`: whether
+    /// places do not count. `least_size`: what the root is taken for at least, so that distances from a single point are some
+    /// number of it.
     pub(in crate::light) fn new(
         leaves: &[Leaf],
-        triangles: usize,
+        emitters: usize,
         is_alone: bool,
         by_power: bool,
+        least_size: f64,
     ) -> Option<LightTree> {
         let largest = leaves.iter().map(|leaf| leaf.mass).fold(0.0, f64::max);
         let corners = || leaves.iter().flat_map(|leaf| leaf.corners);
@@ -59,7 +88,7 @@ impl LightTree {
         let hi = corners().fold(Vec3::NEG_INFINITY, Vec3::max).as_dvec3();
         let origin = (0.5 * (lo + hi)).as_vec3();
         // A power of two, so that scaling is exact; and within the range of f32.
-        let size = 0.5 * (hi - lo).max_element();
+        let size = (0.5 * (hi - lo).max_element()).max(least_size);
         let scale = (-size.log2().ceil()).clamp(-126.0, 100.0).exp2();
         let mut items: Vec<Item> = leaves
             .par_iter()
@@ -71,7 +100,7 @@ impl LightTree {
                     center,
                     radius: corners.map(reach).into_iter().fold(0.0, f32::max) * (1.0 + 1e-6),
                     normal: leaf.normal,
-                    both_sides: leaf.both_sides,
+                    profile: leaf.profile,
                     index: leaf.index,
                     mass: (leaf.mass / largest) as f32,
                 }
@@ -82,20 +111,27 @@ impl LightTree {
             return None;
         }
         let root = Summary::of(&items);
+        let has_cones = items.iter().any(|item| item.profile.is_cone());
         let mut tree = LightTree {
             nodes: Vec::new(),
             parents: Vec::new(),
-            slots: vec![u32::MAX; triangles],
+            slots: vec![u32::MAX; emitters],
             origin,
             scale: scale as f32,
             irradiance: 0.0,
-            by_power,
+            mode: match (by_power, has_cones) {
+                (true, _) => Mode::Power,
+                (false, true) => Mode::Cones,
+                (false, false) => Mode::Place,
+            },
         };
         tree.build_levels(&mut items);
         tree.irradiance = largest * scale * scale * heaviest_child(&tree.nodes[0], root.mass);
-        if is_alone && tree.nodes.len() == 1 && root.sin_spread < PARALLEL {
+        if is_alone && tree.nodes.len() == 1 && root.sin_spread.abs() < PARALLEL {
             let area: f64 = leaves.iter().map(Leaf::area).sum();
-            tree.by_power |= area > LAMP_SHARE * PI * (f64::from(root.radius) / scale).powi(2);
+            if area > LAMP_SHARE * PI * (f64::from(root.radius) / scale).powi(2) {
+                tree.mode = Mode::Power;
+            }
         }
         Some(tree)
     }
@@ -117,7 +153,7 @@ impl LightTree {
                 for (i, part) in parts.into_iter().enumerate() {
                     let slot = (name * WIDTH + i) as u32;
                     if let [item] = part {
-                        node.child[i] = item.index | TRIANGLE;
+                        node.child[i] = item.index | LEAF;
                         self.slots[item.index as usize] = slot;
                     } else {
                         node.child[i] = (next + level.len()) as u32;
@@ -157,7 +193,7 @@ impl Node {
             mean_cos2: [0.0; WIDTH],
             sin_spread: [0.0; WIDTH],
             mass: [0.0; WIDTH],
-            child: [TRIANGLE; WIDTH],
+            child: [LEAF; WIDTH],
         };
         let summaries: Vec<Summary> = parts.iter().map(|items| Summary::of(items)).collect();
         let heaviest = summaries.iter().map(|s| s.mass).fold(0.0, f64::max);
@@ -194,7 +230,7 @@ impl Summary {
             let m = f64::from(item.mass);
             mass += m;
             center += item.center.as_dvec3() * m;
-            if !item.both_sides {
+            if item.profile.is_directed() {
                 normal += item.normal.as_dvec3() * m;
             }
         }
@@ -205,35 +241,50 @@ impl Summary {
         } else {
             items[0].normal
         };
-        let (mut cos, mut cos2, mut spread) = (0.0, 0.0, 0.0f64);
+        let (mut cos, mut cos2, mut spread) = (0.0, 0.0, f64::NEG_INFINITY);
         let (mut radius, mut thickness) = (0.0f32, 0.0f32);
+        let mut has_cones = false;
         for item in items {
             let m = f64::from(item.mass);
             let n = item.normal.as_dvec3();
             let c = n.dot(axis.as_dvec3()).clamp(-1.0, 1.0);
-            cos2 += m * c * c;
-            if !item.both_sides {
-                cos += m * c;
+            match item.profile {
+                Profile::Front | Profile::Narrow(_) => {
+                    cos += m * c;
+                    cos2 += m * c * c;
+                }
+                Profile::BothSides => cos2 += m * c * c,
+                Profile::Wide(_) | Profile::Sphere => cos2 += m / 3.0,
             }
-            let one_quarter = c > 0.0 && !item.both_sides;
-            spread = spread.max(if one_quarter {
-                n.cross(axis.as_dvec3()).length()
-            } else {
-                2.0
+            let sin = n.cross(axis.as_dvec3()).length();
+            spread = spread.max(match item.profile {
+                Profile::Front if c > 0.0 => sin,
+                Profile::Front | Profile::BothSides | Profile::Sphere => 2.0,
+                Profile::Narrow(angle) | Profile::Wide(angle) => {
+                    let widest = sin.atan2(c) + f64::from(angle);
+                    if widest < PI { -widest.cos() } else { 2.0 }
+                }
             });
+            has_cones |= item.profile.is_cone();
             let offset = item.center - center;
             radius = radius.max(offset.length() + item.radius);
             thickness = thickness.max(offset.dot(axis).abs());
         }
-        // Parallel but at different heights: not one plane.
-        let least_spread = if thickness < 2.5e-7 { 0.0 } else { 2.0 * PARALLEL };
+        // Parallel but at different heights: not one plane. Nor are cones, however they stand.
+        let is_plane = thickness < 2.5e-7 && !has_cones;
+        let least_spread = if is_plane { 0.0 } else { 2.0 * PARALLEL };
+        let spread = spread as f32 + 3e-7;
         Summary {
             center,
             radius: radius * (1.0 + 1e-6),
             axis,
             mean_cos: (cos / mass) as f32,
             mean_cos2: (cos2 / mass) as f32,
-            sin_spread: (spread as f32 + 3e-7).max(least_spread),
+            sin_spread: if spread < -2.0 * PARALLEL {
+                spread
+            } else {
+                spread.max(least_spread)
+            },
             mass,
         }
     }
@@ -301,10 +352,10 @@ impl Sums {
             lo: item.center - item.radius,
             hi: item.center + item.radius,
             mass: item.mass,
-            normal: if item.both_sides {
-                Vec3::ZERO
-            } else {
+            normal: if item.profile.is_directed() {
                 item.normal * item.mass
+            } else {
+                Vec3::ZERO
             },
             count: 1,
         })
