@@ -25,36 +25,20 @@ impl Dielectric {
         if self.is_smooth() || wi.z == 0.0 {
             return BsdfEval::ZERO;
         }
-        let reflects = wi.z > 0.0;
-        let h = if reflects { wo + wi } else { wo + wi * self.eta };
-        let (h, length) = h.normalize_and_length();
-        let h = if h.z < 0.0 { -h } else { h };
-        let (wo_h, wi_h) = (wo.dot(h), wi.dot(h));
-        // Both directions must see the same microfacet from the sides that they are on.
-        if length == 0.0 || wo_h <= 0.0 || (wi_h > 0.0) != reflects {
+        let Some(facet) = Facet::of(wo, wi, self.eta) else {
             return BsdfEval::ZERO;
-        }
-        let fresnel = fresnel_dielectric(wo_h, self.eta);
-        if reflects {
-            self.scatter(wo, wi, h, fresnel, 0.25)
-        } else {
-            self.scatter(wo, wi, h, 1.0 - fresnel, self.jacobian(wo_h, wi_h, length))
-        }
+        };
+        let fresnel = fresnel_dielectric(facet.wo_h, self.eta);
+        let share = if wi.z > 0.0 { fresnel } else { 1.0 - fresnel };
+        self.scatter(wo, wi, &facet, share)
     }
 
-    /// |dh/dwi| wo·h under refraction, where `sum` is wo·h + eta wi·h: the length of the vector that h is the direction of.
+    /// Value and density of a pair of directions that the microfacets make with this `share` of the light.
     #[inline]
-    fn jacobian(&self, wo_h: f32, wi_h: f32, sum: f32) -> f32 {
-        -wi_h * wo_h * (self.eta * self.eta) / (sum * sum)
-    }
-
-    /// Value and density of a pair of directions that the microfacets of normal `h` make with this `share` of the light,
-    /// and with |dh/dwi| wo·h.
-    #[inline]
-    fn scatter(&self, wo: Vec3, wi: Vec3, h: Vec3, share: f32, jacobian: f32) -> BsdfEval {
+    fn scatter(&self, wo: Vec3, wi: Vec3, facet: &Facet, share: f32) -> BsdfEval {
         let ggx = Ggx { alpha: self.alpha };
         // f cos θi = share D G2 (wo·h) |dh/dwi| / cos θo; transmitted radiance is scaled by the change of solid angle.
-        let common = share * ggx.d(h) * jacobian;
+        let common = share * ggx.d(facet.h) * facet.jacobian;
         let scale = if wi.z > 0.0 { 1.0 } else { radiance_scale(self.eta) };
         let value = common * ggx.g2_over_cos(wo, wi) * scale;
         let pdf_w = common * ggx.g1_over_cos(wo);
@@ -85,24 +69,15 @@ impl Dielectric {
         }
         let ggx = Ggx { alpha: self.alpha };
         let h = ggx.sample_visible(wo, u);
-        let wo_h = wo.dot(h);
-        let fresnel = fresnel_dielectric(wo_h, self.eta);
+        let fresnel = fresnel_dielectric(wo.dot(h), self.eta);
         // Value and density by this very h: that of wo and wi is another one where the lobe is narrower than directions are
         // rounded.
         let (wi, eval, eta_squared) = if lobe < fresnel {
-            let wi = (h * (2.0 * wo_h) - wo).normalize();
-            if wi.z <= 0.0 {
-                return None;
-            }
-            (wi, self.scatter(wo, wi, h, fresnel, 0.25), 1.0)
+            let (wi, facet) = Facet::reflect(wo, h)?;
+            (wi, self.scatter(wo, wi, &facet, fresnel), 1.0)
         } else {
-            let cos_t = cos_transmitted(wo_h, self.eta)?;
-            let wi = refract(wo, h, self.eta)?;
-            if wi.z >= 0.0 {
-                return None;
-            }
-            let jacobian = self.jacobian(wo_h, -cos_t, half_length(wo_h, cos_t, self.eta));
-            (wi, self.scatter(wo, wi, h, 1.0 - fresnel, jacobian), eta_squared)
+            let (wi, facet) = Facet::refract(wo, h, self.eta)?;
+            (wi, self.scatter(wo, wi, &facet, 1.0 - fresnel), eta_squared)
         };
         (eval.pdf_w > 0.0).then(|| BsdfSample {
             wi,
@@ -113,11 +88,69 @@ impl Dielectric {
     }
 }
 
+/// The microfacet that a pair of directions meets.
+pub(super) struct Facet {
+    /// Its normal.
+    pub(super) h: Vec3,
+    /// Cosine of `wo` to it, above 0.
+    pub(super) wo_h: f32,
+    /// |dh/dwi| wo·h.
+    pub(super) jacobian: f32,
+}
+
+impl Facet {
+    /// That of `wo` and `wi`, on the same side or on opposite ones. `None` where they do not see the same facet from the
+    /// sides that they are on.
+    #[inline]
+    pub(super) fn of(wo: Vec3, wi: Vec3, eta: f32) -> Option<Facet> {
+        let reflects = wi.z > 0.0;
+        let h = if reflects { wo + wi } else { wo + wi * eta };
+        let (h, length) = h.normalize_and_length();
+        let h = if h.z < 0.0 { -h } else { h };
+        let (wo_h, wi_h) = (wo.dot(h), wi.dot(h));
+        if length == 0.0 || wo_h <= 0.0 || (wi_h > 0.0) != reflects {
+            return None;
+        }
+        let jacobian = if reflects {
+            0.25
+        } else {
+            refraction_jacobian(eta, wo_h, wi_h, length)
+        };
+        Some(Facet { h, wo_h, jacobian })
+    }
+
+    /// The facet of normal `h` and the direction that it reflects `wo` from, unless that is below the surface.
+    #[inline]
+    pub(super) fn reflect(wo: Vec3, h: Vec3) -> Option<(Vec3, Facet)> {
+        let wo_h = wo.dot(h);
+        let wi = (h * (2.0 * wo_h) - wo).normalize();
+        let jacobian = 0.25;
+        (wi.z > 0.0).then_some((wi, Facet { h, wo_h, jacobian }))
+    }
+
+    /// The facet of normal `h` and the direction that it refracts `wo` from, unless that is above the surface or all is
+    /// reflected.
+    #[inline]
+    pub(super) fn refract(wo: Vec3, h: Vec3, eta: f32) -> Option<(Vec3, Facet)> {
+        let wo_h = wo.dot(h);
+        let cos_t = cos_transmitted(wo_h, eta)?;
+        let wi = refract(wo, h, eta)?;
+        let jacobian = refraction_jacobian(eta, wo_h, -cos_t, half_length(wo_h, cos_t, eta));
+        (wi.z < 0.0).then_some((wi, Facet { h, wo_h, jacobian }))
+    }
+}
+
+/// |dh/dwi| wo·h under refraction, where `sum` is wo·h + eta wi·h: the length of the vector that h is the direction of.
+#[inline]
+fn refraction_jacobian(eta: f32, wo_h: f32, wi_h: f32, sum: f32) -> f32 {
+    -wi_h * wo_h * (eta * eta) / (sum * sum)
+}
+
 /// Factor on transmitted radiance, 1 / eta². That of the way back is taken from the same number, so that the two cancel to
 /// an ulp: a reciprocal taken three times is the reciprocal. Of eta² on one side and (1 / eta)² on the other the product is
 /// off by up to three ulps, always to the same side, and adds up over the life of a path.
 #[inline]
-fn radiance_scale(eta: f32) -> f32 {
+pub(super) fn radiance_scale(eta: f32) -> f32 {
     let inverse = 1.0 / eta;
     if eta < 1.0 {
         inverse * inverse
@@ -156,7 +189,7 @@ fn half_length(cos: f32, cos_t: f32, eta: f32) -> f32 {
 
 /// Snell's law: the direction of the refracted ray, away from the surface, or `None` under total internal reflection.
 #[inline]
-fn refract(wo: Vec3, h: Vec3, eta: f32) -> Option<Vec3> {
+pub(super) fn refract(wo: Vec3, h: Vec3, eta: f32) -> Option<Vec3> {
     let cos = wo.dot(h);
     let cos_t = cos_transmitted(cos, eta)?;
     ((h * half_length(cos, cos_t, eta) - wo) / eta).try_normalize()

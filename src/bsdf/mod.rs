@@ -14,6 +14,7 @@ mod microfacet;
 mod plastic;
 mod principled;
 mod rough;
+mod smith;
 
 pub use coated::{CoatTable, CoatedDiffuse};
 pub use conductor::Conductor;
@@ -64,6 +65,28 @@ impl BsdfEval {
         value: Rgb::BLACK,
         pdf_w: 0.0,
     };
+
+    /// The same if it is finite: products of two denormal cosines vanish and leave 0 / 0, and such a pair carries no light.
+    #[inline]
+    fn or_zero(self) -> BsdfEval {
+        if self.value.is_finite() && self.pdf_w.is_finite() {
+            self
+        } else {
+            BsdfEval::ZERO
+        }
+    }
+
+    /// The sample of a direction with this value and density, if it carries anything.
+    #[inline]
+    fn at(self, wi: Vec3, eta_squared: f32) -> Option<BsdfSample> {
+        let weight = self.value / self.pdf_w;
+        (self.pdf_w > 0.0 && !weight.is_black() && weight.is_finite()).then_some(BsdfSample {
+            wi,
+            weight,
+            pdf_w: self.pdf_w,
+            eta_squared,
+        })
+    }
 }
 
 /// A sampled direction.
@@ -123,9 +146,9 @@ impl Bsdf {
             Bsdf::Conductor(bsdf) => bsdf.sample(wo, u),
             Bsdf::Dielectric(bsdf) => bsdf.sample(wo, lobe, u),
             Bsdf::Plastic(bsdf) => bsdf.sample(wo, lobe, u),
-            Bsdf::RoughMetal(bsdf) => bsdf.sample(wo, lobe, u),
+            Bsdf::RoughMetal(bsdf) => bsdf.sample(wo, u),
             Bsdf::RoughGlass(bsdf) => bsdf.sample(wo, lobe, u),
-            Bsdf::ThinGlass(bsdf) => bsdf.sample(wo, lobe, u),
+            Bsdf::ThinGlass(bsdf) => bsdf.sample(wo, lobe),
             Bsdf::CoatedDiffuse(bsdf) => bsdf.sample(wo, lobe, u),
             Bsdf::Principled(bsdf) => bsdf.sample(wo, lobe, u),
             Bsdf::Mirror(reflectance) => {
@@ -201,9 +224,8 @@ impl Bsdf {
             Bsdf::Diffuse(_) | Bsdf::Plastic(_) | Bsdf::CoatedDiffuse(_) | Bsdf::Principled(_) => false,
             Bsdf::Conductor(bsdf) => bsdf.is_smooth(),
             Bsdf::Dielectric(bsdf) => bsdf.is_smooth(),
-            Bsdf::RoughMetal(RoughMetal { alpha, .. }) | Bsdf::RoughGlass(RoughGlass { alpha, .. }) => {
-                alpha.iter().all(|alpha| *alpha < SMOOTH_ALPHA)
-            }
+            Bsdf::RoughMetal(bsdf) => bsdf.is_smooth(),
+            Bsdf::RoughGlass(bsdf) => bsdf.is_smooth(),
             Bsdf::Mirror(_) | Bsdf::ThinGlass(_) => true,
         }
     }
@@ -212,7 +234,7 @@ impl Bsdf {
     #[inline]
     pub fn has_delta(&self) -> bool {
         match self {
-            Bsdf::CoatedDiffuse(bsdf) => bsdf.coat.alpha < SMOOTH_ALPHA,
+            Bsdf::CoatedDiffuse(bsdf) => bsdf.coat.is_smooth(),
             _ => self.is_delta(),
         }
     }
@@ -231,7 +253,7 @@ impl Bsdf {
     pub fn transmits(&self) -> bool {
         match self {
             Bsdf::Dielectric(_) | Bsdf::RoughGlass(_) | Bsdf::ThinGlass(_) => true,
-            Bsdf::Principled(bsdf) => bsdf.spec_trans > 0.0 && bsdf.metallic < 1.0,
+            Bsdf::Principled(bsdf) => bsdf.transmits(),
             _ => false,
         }
     }
@@ -242,6 +264,7 @@ impl Bsdf {
         match self {
             Bsdf::Diffuse(bsdf) => bsdf.reflectance.is_black(),
             Bsdf::Mirror(reflectance) => reflectance.is_black(),
+            Bsdf::Principled(bsdf) => !bsdf.front && !bsdf.transmits(),
             _ => false,
         }
     }

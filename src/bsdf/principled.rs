@@ -1,7 +1,17 @@
-//! The principled BSDF.
+//! The principled BSDF: Mitsuba's `principled`, which is Burley's ("Physically Based Shading at Disney", 2012, and
+//! "Extending the Disney BRDF to a BSDF with Integrated Subsurface Scattering", 2015).
+//!
+//! A diffuse part with retro-reflection and sheen, GGX facets that reflect as metal and as a dielectric and transmit as
+//! tinted glass, and a coat. Their sum is Burley's: what the facets reflect is not taken from the diffuse part, so that a
+//! white one sends on more than it gets: TODO.
+//! The directions are sampled by densities of our own.
 
-use super::{BsdfEval, BsdfSample};
-use crate::math::{Rgb, Vec3};
+use super::dielectric::{Facet, fresnel_dielectric, radiance_scale};
+use super::smith::{Smith, into_frame, out_of_frame};
+use super::{BsdfEval, BsdfSample, Distribution, eta2_minus_sin2};
+use crate::math::{Rgb, Vec3, sin_cos_turns};
+use crate::sampling::warp;
+use std::f32::consts::{FRAC_1_PI, PI};
 
 /// The principled BSDF at a point. Parameters as in [`crate::material::Principled`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,17 +46,274 @@ pub struct PrincipledBsdf {
     pub tangent: [f32; 2],
 }
 
+/// The coat's reflectance along the normal.
+const COAT_REFLECTANCE: f32 = 0.04;
+/// Width of the GGX facets whose masking the coat has, whatever its own.
+const COAT_SHADOWING: f32 = 0.25;
+/// The smallest width.
+const MIN_ALPHA: f32 = 1e-3;
+
+/// Shares of light by one facet.
+struct Shares {
+    reflected: Rgb,
+    transmitted: Rgb,
+}
+
+impl Shares {
+    /// Probability of reflection where a facet has been chosen. Of white glass it is the reflectance.
+    fn reflection_probability(&self) -> f32 {
+        let [reflected, transmitted] = [self.reflected, self.transmitted].map(Rgb::luminance);
+        if transmitted > 0.0 {
+            reflected / (reflected + transmitted)
+        } else {
+            1.0
+        }
+    }
+}
+
+/// Probabilities of the lobes; their sum is 1.
+struct Lobes {
+    diffuse: f32,
+    coat: f32,
+    main: f32,
+}
+
 impl PrincipledBsdf {
+    #[inline(never)]
     pub(super) fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
-        todo!("{wo} {wi}")
+        if wi.z == 0.0 {
+            return BsdfEval::ZERO;
+        }
+        let [wo, wi] = [wo, wi].map(|w| into_frame(w, self.tangent));
+        Facet::of(wo, wi, self.index()).map_or(BsdfEval::ZERO, |facet| self.scatter(wo, wi, &facet))
     }
 
+    #[inline(never)]
     pub(super) fn sample(&self, wo: Vec3, lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
-        todo!("{wo} {lobe} {u:?}")
+        let lobes = self.lobes(wo);
+        if lobe < lobes.diffuse {
+            let wi = warp::cosine_hemisphere(u);
+            return self.eval(wo, wi).at(wi, 1.0);
+        }
+        let lobe = lobe - lobes.diffuse;
+        let wo = into_frame(wo, self.tangent);
+        let mut eta_squared = 1.0;
+        let (wi, facet) = if lobe < lobes.coat {
+            let h = self.coat().sample(u);
+            if wo.dot(h) <= 0.0 {
+                return None;
+            }
+            Facet::reflect(wo, h)?
+        } else {
+            let h = self.facets().sample_visible(wo, u);
+            if (lobe - lobes.coat) / lobes.main < self.shares(wo.dot(h)).reflection_probability() {
+                Facet::reflect(wo, h)?
+            } else {
+                let eta = self.index();
+                eta_squared = eta * eta;
+                Facet::refract(wo, h, eta)?
+            }
+        };
+        self.scatter(wo, wi, &facet)
+            .at(out_of_frame(wi, self.tangent), eta_squared)
     }
 
-    /// See [`super::Bsdf::albedo`].
+    /// Value and density of a pair of directions in the frame of the highlights.
+    fn scatter(&self, wo: Vec3, wi: Vec3, facet: &Facet) -> BsdfEval {
+        let lobes = self.lobes(wo);
+        let shares = self.shares(facet.wo_h);
+        let reflection = shares.reflection_probability();
+        if wi.z < 0.0 {
+            let share = (
+                shares.transmitted * radiance_scale(self.index()),
+                lobes.main * (1.0 - reflection),
+            );
+            return self.facets().scatter(wo, wi, facet, share).or_zero();
+        }
+        let share = (shares.reflected, lobes.main * reflection);
+        let mut eval = self.facets().scatter(wo, wi, facet, share);
+        if self.front {
+            if lobes.coat > 0.0 {
+                let coat = self.coat();
+                let d = coat.d(facet.h);
+                let shadowing = Smith::new([COAT_SHADOWING; 2], Distribution::Ggx);
+                let masking = shadowing.g1(wo) * shadowing.g1(wi);
+                let fresnel = self.schlick(Rgb::splat(COAT_REFLECTANCE), facet.wo_h);
+                eval.value += fresnel * (0.25 * self.clearcoat * d * masking * wi.z);
+                eval.pdf_w += lobes.coat * d * facet.h.z / (4.0 * facet.wo_h);
+            }
+            if lobes.diffuse > 0.0 {
+                eval.value += self.diffuse(wo, wi, facet.wo_h);
+                eval.pdf_w += lobes.diffuse * warp::cosine_hemisphere_pdf_w(wi.z);
+            }
+        }
+        eval.or_zero()
+    }
+
+    /// The diffuse part and the sheen, times |cos θi|.
+    fn diffuse(&self, wo: Vec3, wi: Vec3, cos_d: f32) -> Rgb {
+        let [at_wo, at_wi] = [wo, wi].map(|w| schlick_weight(w.z));
+        let plain = (1.0 - 0.5 * at_wo) * (1.0 - 0.5 * at_wi);
+        let r = 2.0 * self.roughness * cos_d * cos_d;
+        let retro = r * (at_wo + at_wi + at_wo * at_wi * (r - 1.0));
+        let flat = [at_wo, at_wi].map(|weight| 1.0 + (0.5 * r - 1.0) * weight);
+        let subsurface = 1.25 * (flat[0] * flat[1] * (1.0 / (wo.z + wi.z) - 0.5) + 0.5);
+        let shape = (plain + retro) * (1.0 - self.flatness) + subsurface * self.flatness;
+        let diffuse = self.base_color * (self.opaque() * shape * FRAC_1_PI);
+        let sheen = self.hue(self.sheen_tint) * (self.sheen * (1.0 - self.metallic) * schlick_weight(cos_d));
+        (diffuse + sheen) * wi.z
+    }
+
+    /// What microfacets reflect and transmit under the cosine `cos`.
+    fn shares(&self, cos: f32) -> Shares {
+        let fresnel = fresnel_dielectric(cos, self.index());
+        let reflected = if self.front {
+            let dielectric = (1.0 - self.metallic) * (1.0 - self.spec_tint) * fresnel;
+            let mut reflected = Rgb::splat(dielectric);
+            if self.metallic > 0.0 {
+                reflected += self.schlick(self.base_color, cos) * self.metallic;
+            }
+            let tinted = (1.0 - self.metallic) * self.spec_tint;
+            if tinted > 0.0 {
+                let at_normal = (self.eta - 1.0) / (self.eta + 1.0);
+                reflected += self.schlick(self.hue(1.0) * (at_normal * at_normal), cos) * tinted;
+            }
+            reflected
+        } else {
+            // From inside only glass is seen.
+            Rgb::splat(self.glass() * fresnel)
+        };
+        Shares {
+            reflected,
+            transmitted: self.base_color.map(f32::sqrt) * (self.glass() * (1.0 - fresnel)),
+        }
+    }
+
+    /// Probabilities of sampling the lobes: about what each sends towards `wo`.
+    fn lobes(&self, wo: Vec3) -> Lobes {
+        let shares = self.shares(wo.z);
+        let main = (shares.reflected + shares.transmitted).luminance();
+        let (diffuse, coat) = if self.front {
+            let diffuse = if self.opaque() > 0.0 {
+                self.opaque() * self.base_color.luminance() + 0.1 * (1.0 - self.metallic) * self.sheen
+            } else {
+                0.0
+            };
+            (diffuse, COAT_REFLECTANCE * self.clearcoat)
+        } else {
+            (0.0, 0.0)
+        };
+        // Facets that are tilted reflect more than is seen here.
+        let main = main.max(0.1 * (diffuse + coat)).max(1e-6);
+        let scale = 1.0 / (diffuse + coat + main);
+        Lobes {
+            diffuse: diffuse * scale,
+            coat: coat * scale,
+            main: main * scale,
+        }
+    }
+
+    /// Schlick's reflectance; by the cosine on the thinner side, where it is not the same.
+    fn schlick(&self, at_normal: Rgb, cos: f32) -> Rgb {
+        let weight = schlick_weight(if self.eta > 1.0 {
+            cos
+        } else {
+            eta2_minus_sin2(self.eta, cos).max(0.0).sqrt() / self.eta
+        });
+        at_normal.lerp(Rgb::WHITE, weight)
+    }
+
+    /// White, or the base colour at luminance 1, or between.
+    fn hue(&self, tint: f32) -> Rgb {
+        let luminance = self.base_color.luminance();
+        if luminance > 0.0 {
+            Rgb::WHITE.lerp(self.base_color / luminance, tint)
+        } else {
+            Rgb::WHITE
+        }
+    }
+
+    fn facets(&self) -> Smith {
+        let width = self.roughness * self.roughness;
+        let aspect = (1.0 - 0.9 * self.anisotropic).sqrt();
+        Smith::new(
+            [width / aspect, width * aspect].map(|alpha| alpha.max(MIN_ALPHA)),
+            Distribution::Ggx,
+        )
+    }
+
+    fn coat(&self) -> Gtr1 {
+        let alpha = 0.1 + (0.001 - 0.1) * self.clearcoat_gloss;
+        Gtr1 { alpha2: alpha * alpha }
+    }
+
+    /// The index, kept away from 1 where light is transmitted: nothing bends there, which leaves no half vector.
+    pub(super) fn index(&self) -> f32 {
+        if self.transmits() && (self.eta - 1.0).abs() < 1e-3 {
+            if self.front { 1.001 } else { 1.0 / 1.001 }
+        } else {
+            self.eta
+        }
+    }
+
+    /// Share that is neither metal nor glass.
+    fn opaque(&self) -> f32 {
+        (1.0 - self.metallic) * (1.0 - self.spec_trans)
+    }
+
+    /// Share of glass.
+    fn glass(&self) -> f32 {
+        (1.0 - self.metallic) * self.spec_trans
+    }
+
+    /// See [`super::Bsdf::transmits`].
+    pub(super) fn transmits(&self) -> bool {
+        self.glass() > 0.0
+    }
+
+    /// See [`super::Bsdf::albedo`]. The coat's part is a fit, within 0.002.
     pub(super) fn albedo(&self) -> Rgb {
-        todo!()
+        let shares = self.shares(1.0);
+        let specular = shares.reflected + shares.transmitted;
+        if !self.front {
+            return specular;
+        }
+        // Integrals over the hemisphere of what `diffuse` has along the normal, but for the sheen's, which are below 3e-4.
+        let (r, flatness) = (self.roughness, self.flatness);
+        let shape = (41.0 / 42.0 + r * (5.0 / 84.0)) * (1.0 - flatness) + (0.748_668 + r * (1.25 / 112.0)) * flatness;
+        // What the coat's wide tails reflect below the horizon depends on their width.
+        let gloss = self.clearcoat_gloss;
+        let coat = self.clearcoat * (0.0257 + 0.0093 * gloss * gloss.sqrt());
+        specular + self.base_color * (self.opaque() * shape) + Rgb::splat(coat)
+    }
+}
+
+/// Schlick's (1 − cos θ)⁵.
+fn schlick_weight(cos: f32) -> f32 {
+    let m = (1.0 - cos).clamp(0.0, 1.0);
+    let m2 = m * m;
+    m2 * m2 * m
+}
+
+/// Burley's distribution of wide tails ("generalised Trowbridge-Reitz" of exponent 1).
+struct Gtr1 {
+    /// Square of the width, below 1.
+    alpha2: f32,
+}
+
+impl Gtr1 {
+    /// D(h) [1/sr].
+    fn d(&self, h: Vec3) -> f32 {
+        let e = h.x * h.x + h.y * h.y + self.alpha2 * h.z * h.z;
+        (self.alpha2 - 1.0) / (PI * self.alpha2.ln() * e)
+    }
+
+    /// A normal of density D(h) cos θh.
+    fn sample(&self, [u, v]: [f32; 2]) -> Vec3 {
+        let sin2 = (self.alpha2.powf(u) - self.alpha2) / (1.0 - self.alpha2);
+        let sin2 = sin2.clamp(0.0, 1.0);
+        let (sin_phi, cos_phi) = sin_cos_turns(v);
+        let sin = sin2.sqrt();
+        Vec3::new(sin * cos_phi, sin * sin_phi, (1.0 - sin2).sqrt())
     }
 }
