@@ -104,19 +104,25 @@ impl CoatTable {
     }
 }
 
-/// The mean over visible normals of what `scatter` sends on, masking counted; `None` is nothing. By the midpoint rule of
-/// `n` by `n` normals, half of which mirror the others.
+/// The mean over visible normals of what `scatter` sends on, masking counted; `None` is nothing. By `n` by `n` normals, half
+/// of which mirror the others, crowded where the random numbers of a sample end in long tails.
 fn mean_over_visible(facets: Smith, cos: f32, n: u32, scatter: impl Fn(Vec3, Vec3) -> Option<(Vec3, f32)>) -> f32 {
     let wo = Vec3::new(((1.0 - cos) * (1.0 + cos)).sqrt(), 0.0, cos);
-    let middle = |i: u32| (i as f32 + 0.5) / n as f32;
+    // The midpoint rule after the substitution u = 3 x² − 2 x³: places and the lengths that they stand for.
+    let u = |i: f32| {
+        let x = i / n as f32;
+        x * x * (3.0 - 2.0 * x)
+    };
+    let node = |i: u32| (u(i as f32 + 0.5), u(i as f32 + 1.0) - u(i as f32));
     let mut sum = 0.0f64;
     for (i, j) in (0..n).flat_map(|i| (0..n / 2).map(move |j| (i, j))) {
-        let h = facets.sample_visible(wo, [middle(i), middle(j)]);
+        let ((u, u_weight), (v, v_weight)) = (node(i), node(j));
+        let h = facets.sample_visible(wo, [u, v]);
         if let Some((wi, share)) = scatter(wo, h) {
-            sum += f64::from(share * facets.g1(wi));
+            sum += f64::from(2.0 * u_weight * v_weight * share * facets.g1(wi));
         }
     }
-    (sum / f64::from(n * (n / 2))) as f32
+    sum as f32
 }
 
 /// The share of diffuse light that a smooth interface sends back into the denser side. For indices below 2 by the fit of
