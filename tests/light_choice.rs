@@ -157,6 +157,7 @@ fn emitters_are_drawn_as_often_as_their_probabilities_say() {
                         Emitter::Area(light) => (light as usize, lights.area_pmf(light, p, n)),
                         Emitter::Environment => (triangles.len(), lights.environment_pmf(p, n)),
                         Emitter::None => (triangles.len() + 1, 0.0),
+                        Emitter::Punctual(_) | Emitter::Distant(_) => panic!("{emitter:?} of none"),
                     };
                     assert_eq!(pmf.to_bits(), stated.to_bits(), "{kind:?}: {emitter:?} from {p}, {n}");
                     counts[cell] += 1;
