@@ -298,7 +298,7 @@ fn everything() -> Stage {
         [12, 8],
     ))
     .add(
-        support::quad(Vec3::new(-10.0, 0.0, -10.0), Vec3::Z * 20.0, Vec3::X * 20.0),
+        support::quad(Vec3::new(-2.0, 0.0, -2.0), Vec3::Z * 4.0, Vec3::X * 4.0),
         support::diffuse(0.5),
     )
     .add(
@@ -319,8 +319,8 @@ fn everything() -> Stage {
         support::emission(2.0),
     )
     .lit_by_map(grey_map(16, 8, |x, y| if (x, y) == (3, 2) { 8.0 } else { 0.1 }), 20.0);
-    for i in 0..7 {
-        let x = f64::from(i) - 3.0;
+    for i in 0..4 {
+        let x = f64::from(i) - 1.5;
         stage.0.lights.push(point(DVec3::new(x, 1.5, 1.0), 0.3));
         let down = DVec3::new(0.1 * x, -1.0, 0.0);
         stage
@@ -343,7 +343,7 @@ fn all_ways_of_sampling_agree_among_all_kinds_of_lights<A: Accel>() {
         seed: 11,
         ..Settings::default()
     };
-    let reference = everything().prepare::<A>(&base).replicate(&base, 128, 0..24);
+    let reference = everything().prepare::<A>(&base).replicate(&base, 256, 0..32);
     for (seed, settings) in [
         (
             12,
@@ -377,7 +377,7 @@ fn all_ways_of_sampling_agree_among_all_kinds_of_lights<A: Accel>() {
         ),
     ] {
         let settings = Settings { seed, ..settings };
-        let found = everything().prepare::<A>(&settings).replicate(&settings, 128, 0..24);
+        let found = everything().prepare::<A>(&settings).replicate(&settings, 256, 0..32);
         let name = format!(
             "{}: lights, {:?}, mis {}, {seed}",
             A::NAME,
@@ -416,7 +416,7 @@ fn lights_that_cannot_be_are_refused_by_number() {
 fn the_number_of_lights_counts_those_that_shine() {
     let stage = everything();
     let scene = Scene::build(stage.0, SceneOptions::default()).expect("a valid scene");
-    assert_eq!(scene.lights.len(), 2 + 1 + 21 + 2);
+    assert_eq!(scene.lights.len(), 2 + 1 + 12 + 2);
     assert!(scene.features.names().contains(&"punctual-lights"));
     let black = lit(&[point(DVec3::Y, 0.0)]);
     let scene = Scene::build(black.0, SceneOptions::default()).expect("a valid scene");
@@ -574,7 +574,7 @@ fn all_kinds_of_emitters_are_drawn_as_often_as_their_probabilities_say() {
 #[test]
 fn every_point_that_lights_a_receiver_may_be_drawn_and_most_others_are_not() {
     let mut random = Random(2);
-    let (mut useful, mut useless, mut wasted, mut seen) = (0, 0, 0.0, 0);
+    let (mut useful, mut useless, mut wasted, mut seen) = (0, 0, 0.0, 0usize);
     for size in [1e-3f32, 1.0, 1e3] {
         for count in [1, 2, 8, 9, 200] {
             for round in 0..40 {
@@ -586,9 +586,12 @@ fn every_point_that_lights_a_receiver_may_be_drawn_and_most_others_are_not() {
                 for k in 0..20 {
                     // Down to next to a light, and far from all.
                     let near = points[random.below(count)].0;
-                    let p = near + direction(&mut random) * (size * 10f32.powf(10.0 * random.unit() - 8.0));
+                    let distance = 10f32.powf(10.0 * random.unit() - 8.0);
+                    let p = near + direction(&mut random) * (size * distance);
                     let n = if k % 4 == 0 { Vec3::ZERO } else { direction(&mut random) };
-                    seen += 1;
+                    // So close to a light that rounding leaves its direction open, nothing is gained by leaving it out.
+                    let is_resolved = distance > 1e-3;
+                    seen += usize::from(is_resolved);
                     for (i, (position, light)) in points.iter().enumerate() {
                         let pmf = lights.pmf(Emitter::Punctual(i as u32), p, n);
                         let cos = (*position - p).normalize_or_zero().dot(n);
@@ -596,7 +599,7 @@ fn every_point_that_lights_a_receiver_may_be_drawn_and_most_others_are_not() {
                         if arrives {
                             useful += 1;
                             assert!(pmf > 0.0, "light {i} of {count}, {light:?} from {p}, {n}");
-                        } else {
+                        } else if is_resolved {
                             useless += 1;
                             wasted += f64::from(pmf);
                         }
@@ -605,9 +608,64 @@ fn every_point_that_lights_a_receiver_may_be_drawn_and_most_others_are_not() {
             }
         }
     }
-    let wasted = wasted / f64::from(seen);
+    let wasted = wasted / seen as f64;
     println!("{useful} useful, {useless} useless lights; {wasted:.4} of the samples wasted");
     assert!(useful > 10_000 && useless > 10_000 && wasted < 0.1, "{wasted}");
+}
+
+#[test]
+fn the_mean_of_light_from_chosen_emitters_is_the_sum_over_all_of_them() {
+    let mut random = Random(7);
+    let mut cases = Vec::new();
+    for sampling in [LightSampling::Contribution, LightSampling::Power] {
+        for suns in [0, 3, 40] {
+            for _ in 0..6 {
+                let points = punctual(12, 1.0, &mut random);
+                let mut builder = LightSamplerBuilder::default();
+                points.iter().for_each(|(_, light)| builder.push_punctual(*light));
+                let mut expected = 0.0;
+                // Away from all lights, where none is much stronger by place than by power.
+                let p = direction(&mut random) * 3.0;
+                let n = (direction(&mut random) - p.normalize()).normalize();
+                let brings = |wi: Vec3, light: f32| f64::from(light * wi.dot(n).max(0.0));
+                for (_, light) in &points {
+                    expected += light
+                        .sample(1.0, p)
+                        .map_or(0.0, |s| brings(s.wi, s.radiance.r / s.pdf_w));
+                }
+                for _ in 0..suns {
+                    let towards = direction(&mut random);
+                    let irradiance = random.unit();
+                    builder.push_distant(DistantLight::new(-towards.as_dvec3(), Rgb::splat(irradiance), 0.0));
+                    expected += brings(towards, irradiance);
+                }
+                let lights = builder.build(None, sampling);
+                let mean = |random: &mut Random| {
+                    let draw = |random: &mut Random| {
+                        let Chosen { emitter, pmf, .. } = lights.choose_any(p, n, random.bits());
+                        let sample = match emitter {
+                            Emitter::Punctual(light) => lights.sample_punctual(light, pmf, p),
+                            Emitter::Distant(light) => lights.sample_distant(light, pmf, random.pair()),
+                            _ => None,
+                        };
+                        sample.map_or(0.0, |s| brings(s.wi, s.radiance.r / s.pdf_w))
+                    };
+                    (0..4000).map(|_| draw(random)).sum::<f64>() / 4000.0
+                };
+                let means: Vec<f64> = (0..48).map(|_| mean(&mut random)).collect();
+                cases.push((
+                    format!("{sampling:?}, {suns} suns, {p}"),
+                    Estimate::of(&means),
+                    expected,
+                ));
+            }
+        }
+    }
+    let lit = cases.iter().filter(|case| case.2 > 0.0).count();
+    assert!(lit > 24, "{lit} of {}", cases.len());
+    for (name, estimate, expected) in &cases {
+        assert_mean(name, *estimate, *expected, Significance::TEST.split(cases.len()));
+    }
 }
 
 #[test]

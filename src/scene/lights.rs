@@ -213,8 +213,8 @@ fn texels(map: &Spectrum, textures: &[Texture], corners: [Vec2; 3]) -> f32 {
             let (width, height) = textures[map.texture as usize].size();
             (map.to_uv, [width as f32, height as f32])
         }
-        // Twice the fields of a period.
-        Spectrum::Checkerboard(pattern) => (pattern.to_uv, [4.0; 2]),
+        // Fields have edges that texels of a bitmap have not: eight points along each.
+        Spectrum::Checkerboard(pattern) => (pattern.to_uv, [16.0; 2]),
         Spectrum::Constant(_) | Spectrum::VertexColor(None, _) => return 0.0,
     };
     let [a, b, c] = corners.map(|uv| to_uv.transform_point2(uv));
