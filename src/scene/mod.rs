@@ -13,6 +13,7 @@ mod load;
 pub mod obj;
 mod obj_material;
 mod origin;
+pub mod ply;
 mod value;
 mod warnings;
 
