@@ -4,6 +4,11 @@ use crate::math::{DAffine3, DMat3, DVec3, Rgb, Vec2, Vec3};
 use rayon::prelude::*;
 use thiserror::Error;
 
+mod polygon;
+mod smooth;
+
+pub(crate) use polygon::{Cut, Polygon};
+
 /// An indexed triangle mesh. One index serves position, normal and texture coordinate alike.
 ///
 /// Front faces are counter-clockwise seen from outside. Positions are in the unit of the scene: `DVec3` as read from a
@@ -103,6 +108,10 @@ impl TriangleMesh<DVec3> {
     /// Those become zero, and shading takes the face normal at every triangle that uses one.
     pub fn repair_normals(&mut self) -> usize {
         let mend = |n: &mut Vec3| {
+            // A unit vector rounded to f32 stays as it is, so that meshes can be written and read again.
+            if (n.as_dvec3().length_squared() - 1.0).abs() < 2.0 * f64::from(f32::EPSILON) {
+                return 0;
+            }
             // In f64, so that tiny and huge file normals neither vanish nor overflow.
             let unit = n.as_dvec3().try_normalize().map(|d| d.as_vec3());
             *n = unit.unwrap_or(Vec3::ZERO);

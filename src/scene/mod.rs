@@ -10,6 +10,7 @@ mod framing;
 mod input;
 mod lights;
 mod load;
+mod number;
 pub mod obj;
 mod obj_material;
 mod origin;

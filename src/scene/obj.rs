@@ -7,7 +7,6 @@
 mod libraries;
 mod lines;
 mod mtl;
-mod number;
 mod piece;
 mod weld;
 

@@ -2,8 +2,8 @@
 
 use super::ObjError;
 use super::lines::{Statements, TooLong};
-use super::number::{decimal, whole};
 use crate::math::{DVec3, Vec2, Vec3};
+use crate::scene::number::{decimal, whole};
 use std::path::Path;
 
 /// Stands for a texture coordinate or normal that a corner does not have.
