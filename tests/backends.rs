@@ -28,7 +28,14 @@ fn load(name: &str) -> scene::SceneDesc {
         .join("scenes")
         .join(name)
         .join(format!("{name}.toml"));
-    scene::load(&file, LoadOptions { strict: true }).expect("the scenes have no faults")
+    scene::load(
+        &file,
+        LoadOptions {
+            strict: true,
+            ..LoadOptions::default()
+        },
+    )
+    .expect("the scenes have no faults")
 }
 
 /// The same point: the same triangle, or one at the same distance.

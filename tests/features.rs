@@ -52,7 +52,14 @@ fn built(path: &Path, options: SceneOptions) -> Scene {
 }
 
 fn described(path: &Path) -> SceneDesc {
-    let mut desc = load(path, LoadOptions { strict: true }).unwrap();
+    let mut desc = load(
+        path,
+        LoadOptions {
+            strict: true,
+            ..LoadOptions::default()
+        },
+    )
+    .unwrap();
     desc.camera.resolution = [24, 16];
     desc
 }

@@ -45,7 +45,14 @@ fn agrees<A: Accel>(name: &str, spp: u32, seeds: u64) {
         .join("scenes")
         .join(name)
         .join(format!("{name}.toml"));
-    let mut desc = scene::load(&file, LoadOptions { strict: true }).expect("the scenes have no faults");
+    let mut desc = scene::load(
+        &file,
+        LoadOptions {
+            strict: true,
+            ..LoadOptions::default()
+        },
+    )
+    .expect("the scenes have no faults");
     desc.camera.resolution = [mean.width, mean.height];
     // The reference has no remedy for the shadow terminator.
     let settings = Settings {

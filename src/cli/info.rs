@@ -38,7 +38,11 @@ pub(super) fn run(args: &InfoArgs) -> Result<(), Failure> {
 }
 
 fn run_on<A: Accel>(args: &InfoArgs) -> Result<(), Failure> {
-    let mut desc = scene::load(&args.scene, LoadOptions::default()).map_err(Failure::input)?;
+    let options = LoadOptions {
+        smooth_angle: args.smooth.smooth_angle,
+        ..LoadOptions::default()
+    };
+    let mut desc = scene::load(&args.scene, options).map_err(Failure::input)?;
     let warnings = std::mem::take(&mut desc.warnings);
     let materials = desc.materials.iter().map(|(name, _)| name.clone()).collect();
     let scene = Scene::build(desc, SceneOptions::default())

@@ -76,7 +76,7 @@ impl Backend {
 
 #[derive(Debug, Args)]
 struct RenderArgs {
-    /// Scene file: .toml, .json, or an .obj on its own
+    /// Scene file: .toml, .json, or an .obj or .ply on its own
     scene: PathBuf,
     /// Image to write, .exr or .png; may be repeated
     #[arg(short, long = "output", value_name = "OUT", required = true)]
@@ -133,11 +133,21 @@ struct RenderArgs {
     /// Treat warnings about the scene as errors
     #[arg(long)]
     strict: bool,
+    #[command(flatten)]
+    smooth: SmoothArgs,
     /// Leave the render time out of the EXR, so that equal renders are equal files
     #[arg(long)]
     reproducible: bool,
     #[command(flatten)]
     estimator: EstimatorArgs,
+}
+
+/// What meshes are given that they lack.
+#[derive(Debug, Args)]
+struct SmoothArgs {
+    /// Smooth meshes that have no normals, but for edges at which faces meet at this angle or more [default: flat faces]
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = parse_angle)]
+    smooth_angle: Option<f64>,
 }
 
 #[derive(Debug, Args)]
@@ -357,6 +367,8 @@ struct InfoArgs {
     /// Whose memory to show
     #[arg(long, value_enum, default_value_t = Backend::DEFAULT)]
     backend: Backend,
+    #[command(flatten)]
+    smooth: SmoothArgs,
 }
 
 #[derive(Debug, Args)]
@@ -406,6 +418,13 @@ fn parse_exposure(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(ev) if ev.abs() <= 100.0 => Ok(ev),
         _ => Err("expected a number of stops between -100 and 100".into()),
+    }
+}
+
+fn parse_angle(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(degrees) if (0.0..=180.0).contains(&degrees) => Ok(degrees),
+        _ => Err("expected a number of degrees between 0 and 180".into()),
     }
 }
 

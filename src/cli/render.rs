@@ -52,7 +52,11 @@ fn run_on<A: Accel>(
         )));
     }
     let start = Instant::now();
-    let mut desc = scene::load(&args.scene, LoadOptions { strict: args.strict }).map_err(Failure::input)?;
+    let options = LoadOptions {
+        strict: args.strict,
+        smooth_angle: args.smooth.smooth_angle,
+    };
+    let mut desc = scene::load(&args.scene, options).map_err(Failure::input)?;
     let load_seconds = start.elapsed().as_secs_f64();
     let warnings = std::mem::take(&mut desc.warnings);
     if !args.quiet {

@@ -65,7 +65,11 @@ pub(super) fn run(args: &StudyArgs) -> Result<u8, Failure> {
 }
 
 fn study(args: &StudyArgs, plan: &Plan, interrupt: &Interrupt) -> Result<(), Ended> {
-    let mut desc = scene::load(&args.scene, LoadOptions { strict: args.strict }).map_err(Failure::input)?;
+    let options = LoadOptions {
+        strict: args.strict,
+        smooth_angle: args.smooth.smooth_angle,
+    };
+    let mut desc = scene::load(&args.scene, options).map_err(Failure::input)?;
     if !args.quiet {
         for warning in &desc.warnings {
             tell(format_args!("warning: {warning}"));

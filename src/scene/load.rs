@@ -5,16 +5,16 @@ use super::desc::{ObjectDesc, SceneDesc};
 use super::environment::load_environment;
 use super::file::{self, ColourEntry, EnvironmentEntry, MaterialEntry, MeshEntry, SceneFile};
 use super::framing::framing;
-use super::input::{open, read_bytes};
-use super::obj::{self, MapRef, MtlMaterial, ObjError, ObjScene};
-use super::obj_material;
+use super::input::{open, read_bytes, read_file};
+use super::obj::{self, MapKind, MtlMaterial, ObjError, ObjPart, ObjScene};
+use super::obj_material::{self, Converted, MISSING};
 use super::origin;
+use super::ply::{self, PlyError};
 use super::value::{Document, KeyError};
 use super::warnings;
 use crate::image::ImageError;
-use crate::light::Emission;
 use crate::material::{Material, Scattering, Spectrum};
-use crate::math::{Affine2, DAffine3, DVec3, Rgb};
+use crate::math::{DAffine3, DVec3, Rgb};
 use crate::mesh::TriangleMesh;
 use crate::texture::{Texture, TextureMap};
 use rayon::prelude::*;
@@ -26,10 +26,13 @@ use std::sync::Arc;
 use thiserror::Error;
 
 /// How to read.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LoadOptions {
     /// Whether what would be a warning is an error.
     pub strict: bool,
+    /// Angle at an edge [degrees], below which faces of meshes without normals are smoothed: [`TriangleMesh::smooth`]. `None`
+    /// leaves them flat.
+    pub smooth_angle: Option<f64>,
 }
 
 /// Why a scene cannot be read. Every message names the file.
@@ -44,7 +47,7 @@ pub enum LoadError {
         source: io::Error,
     },
     /// The extension is none of a scene.
-    #[error("{}: not a scene; expected a .toml, .json or .obj file", .0.display())]
+    #[error("{}: not a scene; expected a .toml, .json, .obj or .ply file", .0.display())]
     Format(PathBuf),
     /// The scene file is not well-formed.
     #[error("{}: {message}", path.display())]
@@ -67,6 +70,9 @@ pub enum LoadError {
     /// A mesh file is damaged.
     #[error(transparent)]
     Obj(#[from] ObjError),
+    /// A mesh file is damaged.
+    #[error(transparent)]
+    Ply(#[from] PlyError),
     /// An image file is damaged.
     #[error(transparent)]
     Image(#[from] ImageError),
@@ -75,7 +81,7 @@ pub enum LoadError {
     Strict(String),
 }
 
-/// Reads a scene file (`.toml`, `.json`) or a mesh on its own (`.obj`: the camera frames its bounds, under a constant
+/// Reads a scene file (`.toml`, `.json`) or a mesh on its own (`.obj`, `.ply`: the camera frames its bounds, under a constant
 /// environment of radiance 1). Files are read in parallel on the current rayon pool.
 ///
 /// # Errors
@@ -89,15 +95,28 @@ pub fn load(path: &Path, options: LoadOptions) -> Result<SceneDesc, LoadError> {
         .to_ascii_lowercase();
     let mut desc = match extension.as_str() {
         "toml" | "json" => load_scene_file(path, extension == "toml")?,
-        "obj" => load_mesh_alone(path)?,
+        "obj" | "ply" => load_mesh_alone(path)?,
         _ => return Err(LoadError::Format(path.to_owned())),
     };
+    if let Some(degrees) = options.smooth_angle {
+        smooth(&mut desc, degrees);
+    }
     let unfit = warnings::of(&desc);
     desc.warnings.extend(unfit);
     match desc.warnings.first() {
         Some(warning) if options.strict => Err(LoadError::Strict(warning.clone())),
         _ => Ok(desc),
     }
+}
+
+/// Smooths meshes without normals, and tells the scene from the one that it was.
+fn smooth(desc: &mut SceneDesc, degrees: f64) {
+    for mesh in desc.meshes.iter_mut().filter(|mesh| mesh.normals.is_empty()) {
+        Arc::make_mut(mesh).smooth(degrees);
+    }
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(desc.hash.as_bytes()).update(&degrees.to_le_bytes());
+    desc.hash = hasher.finalize().to_hex().to_string();
 }
 
 fn load_scene_file(path: &Path, is_toml: bool) -> Result<SceneDesc, LoadError> {
@@ -187,12 +206,51 @@ fn read_obj(path: &Path) -> Result<(ObjScene, blake3::Hash), LoadError> {
     Ok((scene, reader.hasher.finalize()))
 }
 
-/// A material of a mesh file, and the bitmaps it asks for.
+/// A mesh file and the hash over all that belongs to it.
+fn read_mesh(path: &Path) -> Result<(ObjScene, blake3::Hash), LoadError> {
+    if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("ply")) {
+        return read_obj(path);
+    }
+    let bytes = read_file(path)?;
+    let (hash, read) = rayon::join(|| blake3::hash(&bytes), || ply::read(path, &bytes));
+    drop(bytes);
+    let mut ply = read?;
+    let warnings = std::mem::take(&mut ply.warnings);
+    let part = ObjPart {
+        material_name: None,
+        material: None,
+        mesh: ply.into_mesh(),
+    };
+    let scene = ObjScene {
+        parts: vec![part],
+        materials: Vec::new(),
+        warnings,
+    };
+    Ok((scene, hash))
+}
+
+/// Makes colours of a surface reflect no more than there is, and says how many did not.
+fn sanitise_colors(mesh: &mut TriangleMesh<DVec3>, path: &Path) -> Option<String> {
+    let mut above = 0;
+    for color in &mut mesh.colors {
+        let clamped = color.map(|c| c.min(1.0));
+        above += u64::from(clamped != *color);
+        *color = clamped;
+    }
+    (above > 0).then(|| {
+        format!(
+            "{}: {above} vertex colours are above 1 and are set to 1",
+            path.display()
+        )
+    })
+}
+
+/// A material of a mesh file, and the bitmaps it asks for, by [`MapKind`].
 struct MtlUse<'a> {
     mtl: &'a MtlMaterial,
     file: &'a Path,
-    map_kd: Option<(usize, &'a MapRef)>,
-    map_d: Option<(usize, &'a MapRef)>,
+    bitmaps: [Option<usize>; MapKind::ALL.len()],
+    is_colored: bool,
 }
 
 fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<SceneDesc, LoadError> {
@@ -213,7 +271,7 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
         || {
             obj_paths
                 .par_iter()
-                .map(|path| read_obj(path))
+                .map(|path| read_mesh(path))
                 .collect::<Result<Vec<_>, _>>()
         },
     );
@@ -226,6 +284,17 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
             obj
         })
         .collect();
+
+    for (entry, &obj) in file.meshes.iter().zip(&obj_of_entry) {
+        if entry.material.is_none() {
+            let parts = &mut objs[obj].parts;
+            warnings.extend(
+                parts
+                    .iter_mut()
+                    .filter_map(|part| sanitise_colors(&mut part.mesh, &obj_paths[obj])),
+            );
+        }
+    }
 
     // Materials in use, and the bitmaps that they want.
     let mut bitmaps = Bitmaps::default();
@@ -250,6 +319,7 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
     let required = bitmaps.wanted.len();
     let mut mtl_index: HashMap<(usize, usize), usize> = HashMap::new();
     let mut mtl_used: Vec<MtlUse<'_>> = Vec::new();
+    let mut seen_instead = HashMap::new();
     for (entry, &obj) in file.meshes.iter().zip(&obj_of_entry) {
         for material in objs[obj]
             .parts
@@ -261,15 +331,22 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
                 let mtl = &objs[obj].materials[material];
                 let library = obj_paths[obj].with_file_name(&mtl.library);
                 let directory = library.parent().unwrap_or(Path::new(""));
-                let mut want =
-                    |map: &Option<MapRef>, role| map.as_ref().map(|map| bitmaps.want(directory.join(&map.file), role));
-                let map_kd = want(&mtl.map_kd, Role::Colour(None)).zip(mtl.map_kd.as_ref());
-                let map_d = want(&mtl.map_d, Role::Coverage).zip(mtl.map_d.as_ref());
+                let bitmaps = MapKind::ALL.map(|kind| {
+                    let map = mtl.map(kind)?;
+                    let bitmap = bitmaps.want(directory.join(&map.file), obj_material::role(kind, map));
+                    seen_instead.entry(bitmap).or_insert(obj_material::without(kind));
+                    Some(bitmap)
+                });
+                let of_this = |part: &&ObjPart| part.material == Some(material);
                 mtl_used.push(MtlUse {
                     mtl,
                     file: &obj_paths[obj],
-                    map_kd,
-                    map_d,
+                    bitmaps,
+                    is_colored: objs[obj]
+                        .parts
+                        .iter()
+                        .filter(of_this)
+                        .any(|part| !part.mesh.colors.is_empty()),
                 });
                 mtl_used.len() - 1
             });
@@ -293,7 +370,8 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
             }
             Err(error) if bitmap < required => return Err(error),
             Err(error) => {
-                warnings.push(format!("{error}; the surface is shown in magenta"));
+                let instead = seen_instead.get(&bitmap).copied().unwrap_or_default();
+                warnings.push(format!("{error}; {instead}"));
                 None
             }
         });
@@ -307,47 +385,24 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
         materials.push((name.clone(), Material::new(scattering(entry, texture))));
     }
     let first_mtl = materials.len();
-    for MtlUse {
-        mtl,
-        file,
-        map_kd,
-        map_d,
-    } in &mtl_used
-    {
-        let spectrum = |map: &Option<(usize, &MapRef)>, missing: Rgb| {
-            map.map(|(bitmap, map)| match texture_of_bitmap[bitmap] {
-                Some(texture) => Spectrum::Bitmap(
-                    TextureMap {
-                        to_uv: Affine2::from_scale_angle_translation(map.scale.into(), 0.0, map.offset.into()),
-                        ..TextureMap::new(texture)
-                    },
-                    Rgb::WHITE,
-                ),
-                None => Spectrum::Constant(missing),
-            })
-        };
-        let (material, notes) = obj_material::convert(mtl, spectrum(map_kd, MISSING), spectrum(map_d, Rgb::WHITE));
-        warnings.extend(
-            notes
-                .into_iter()
-                .map(|note| format!("{}: material {}: {note}", file.display(), mtl.name)),
-        );
-        materials.push((mtl.name.clone(), material));
+    let mut mtl_emission = Vec::with_capacity(mtl_used.len());
+    for used in &mtl_used {
+        let bitmaps = used.bitmaps.map(|bitmap| texture_of_bitmap[bitmap?]);
+        let Converted {
+            material,
+            emission,
+            emission_map,
+            notes,
+        } = obj_material::convert(used.mtl, bitmaps, &textures, used.is_colored);
+        let (file, name) = (used.file.display(), &used.mtl.name);
+        warnings.extend(notes.iter().map(|note| format!("{file}: material {name}: {note}")));
+        materials.push((name.clone(), material));
+        mtl_emission.push((emission, emission_map));
     }
-    let mtl_emission: Vec<Option<Emission>> = mtl_used
-        .iter()
-        .map(|used| {
-            let radiance = used.mtl.ke.filter(|ke| ke.is_finite() && !ke.is_black())?;
-            Some(Emission {
-                radiance: radiance.map(|c| c.max(0.0)),
-                both_sides: true,
-            })
-        })
-        .collect();
     drop(mtl_used);
 
     // Objects: one per part of each mesh entry.
-    let mut default_material = None;
+    let mut default_materials = [None; 2];
     let mut part_base = Vec::with_capacity(objs.len());
     let mut meshes: Vec<Arc<TriangleMesh<DVec3>>> = Vec::new();
     let mut parts: Vec<Vec<Option<usize>>> = Vec::with_capacity(objs.len());
@@ -361,14 +416,16 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
         for (part, part_material) in parts[obj].iter().enumerate() {
             let from_mtl = part_material.and_then(|m| mtl_index.get(&(obj, m)).copied());
             let (material, mtl_emission) = match (entry.material.and_then(|m| named_index[m]), from_mtl) {
-                (Some(named), _) => (named, None),
+                (Some(named), _) => (named, (None, None)),
                 (None, Some(mtl)) => (first_mtl + mtl, mtl_emission[mtl]),
                 (None, None) => {
-                    let index = *default_material.get_or_insert_with(|| {
-                        materials.push(("default".into(), DEFAULT_MATERIAL));
+                    let is_colored = !meshes[part_base[obj] + part].colors.is_empty();
+                    let (name, material) = &DEFAULT_MATERIALS[usize::from(is_colored)];
+                    let index = *default_materials[usize::from(is_colored)].get_or_insert_with(|| {
+                        materials.push(((*name).into(), material.clone()));
                         materials.len() - 1
                     });
-                    (index, None)
+                    (index, (None, None))
                 }
             };
             objects.push(ObjectDesc {
@@ -376,8 +433,8 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
                 mesh: part_base[obj] + part,
                 material,
                 to_world: entry.to_world,
-                emission: entry.emission.or(mtl_emission),
-                emission_map: None,
+                emission: entry.emission.or(mtl_emission.0),
+                emission_map: mtl_emission.1.filter(|_| entry.emission.is_none()),
             });
         }
     }
@@ -401,13 +458,15 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
     })
 }
 
-/// The colour of a surface whose bitmap is missing: one that nobody takes for intended.
-const MISSING: Rgb = Rgb::new(0.8, 0.0, 0.8);
+/// Parts of mesh files for which nobody names a material: those without vertex colours, and those with them.
+const DEFAULT_MATERIALS: [(&str, Material); 2] = [
+    ("default", diffuse(Spectrum::Constant(Rgb::splat(0.5)))),
+    ("vertex colours", diffuse(Spectrum::VertexColor(None, Rgb::WHITE))),
+];
 
-/// Parts of mesh files for which nobody names a material.
-const DEFAULT_MATERIAL: Material = Material::new(Scattering::Diffuse {
-    reflectance: Spectrum::Constant(Rgb::splat(0.5)),
-});
+const fn diffuse(reflectance: Spectrum) -> Material {
+    Material::new(Scattering::Diffuse { reflectance })
+}
 
 fn scattering(entry: &MaterialEntry, texture: Option<u32>) -> Scattering {
     let spectrum = |colour: &ColourEntry| match (colour, texture) {

@@ -10,7 +10,7 @@ mod mtl;
 mod piece;
 mod weld;
 
-pub use mtl::{MapRef, MtlMaterial};
+pub use mtl::{MapKind, MapRef, MtlMaterial};
 
 use crate::math::{DVec3, Vec2};
 use crate::mesh::{MeshError, TriangleMesh};

@@ -180,11 +180,24 @@ fn finish(path: &Path, content: Content) -> Result<PlyMesh, PlyError> {
     })
 }
 
+/// So many triangles can have vertices of their own.
+const MOST_PARTED: usize = (u32::MAX / 3) as usize;
+
 impl PlyMesh {
     /// The name of the attribute that is the colour of the surface, if there is one.
     pub fn color(&self) -> Option<&'static str> {
+        let can_be_parted = self.mesh.indices.len() <= MOST_PARTED;
         let has = |name: &&str| self.attributes.iter().any(|a| a.name == *name && a.channels >= 3);
-        ["vertex_color", "face_color"].into_iter().find(has)
+        let names = [Some("vertex_color"), can_be_parted.then_some("face_color")];
+        names.into_iter().flatten().find(has)
+    }
+
+    /// The mesh, with its colours if it has any.
+    pub fn into_mesh(self) -> TriangleMesh<DVec3> {
+        match self.color() {
+            Some(name) => self.into_mesh_colored_by(name).unwrap_or_default(),
+            None => self.mesh,
+        }
     }
 
     /// The mesh with an attribute as its colours: one number stands for three, a fourth one is left out. Numbers that are
@@ -206,7 +219,7 @@ impl PlyMesh {
             let colors = colors.collect();
             return Some(TriangleMesh { colors, ..self.mesh });
         }
-        if self.mesh.indices.len() > (u32::MAX / 3) as usize {
+        if self.mesh.indices.len() > MOST_PARTED {
             return None;
         }
         let mut polygons = self.polygons.iter().peekable();

@@ -188,7 +188,14 @@ fn a_mesh_file_far_from_the_origin_gives_the_same_image<A: Accel>() {
     }
     let path = folder.path().join("moved.json");
     fs::write(&path, file.to_string()).expect("the moved scene file");
-    let mut desc = load(&path, LoadOptions { strict: true }).expect("the moved scene, without warnings");
+    let mut desc = load(
+        &path,
+        LoadOptions {
+            strict: true,
+            ..LoadOptions::default()
+        },
+    )
+    .expect("the moved scene, without warnings");
     desc.camera.resolution = scene("cornell").camera.resolution;
     assert_rounding_alone(
         &format!("{} cornell in files moved by 4e6", A::NAME),

@@ -376,7 +376,14 @@ impl<A: Accel> Prepared<A> {
 /// A scene of the repository.
 pub(crate) fn load_scene(name: &str) -> SceneDesc {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}/{name}.toml"));
-    load(&path, LoadOptions { strict: true }).expect("the scenes have no faults")
+    load(
+        &path,
+        LoadOptions {
+            strict: true,
+            ..LoadOptions::default()
+        },
+    )
+    .expect("the scenes have no faults")
 }
 
 /// The same at this size, to be rendered with multiple importance sampling.

@@ -1,6 +1,6 @@
 //! What the command line of a study says.
 
-use crate::cli::{Backend, Failure, SOFTWARE, parse_exposure, parse_resolution};
+use crate::cli::{Backend, Failure, SOFTWARE, SmoothArgs, parse_exposure, parse_resolution};
 use crate::study::cell::FEWEST_SEEDS;
 use crate::study::quoted;
 use crate::study::setting::{Group, Setting};
@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 #[derive(Debug, Args)]
 pub(in crate::cli) struct StudyArgs {
-    /// Scene file: .toml, .json, or an .obj on its own
+    /// Scene file: .toml, .json, or an .obj or .ply on its own
     pub(super) scene: PathBuf,
     /// Folder for the report and for what is finished [default: study-NAME]
     #[arg(short, long = "output", value_name = "DIR")]
@@ -66,6 +66,8 @@ pub(in crate::cli) struct StudyArgs {
     /// Treat warnings about the scene as errors
     #[arg(long)]
     pub(super) strict: bool,
+    #[command(flatten)]
+    pub(super) smooth: SmoothArgs,
 }
 
 fn parse_seconds(text: &str) -> Result<f64, String> {
@@ -192,6 +194,9 @@ impl Plan {
         }
         if let Some(depth) = args.max_depth {
             add(format!("--max-depth {depth}"));
+        }
+        if let Some(degrees) = args.smooth.smooth_angle {
+            add(format!("--smooth-angle {degrees}"));
         }
         if let Some(threads) = args.threads {
             add(format!("--threads {threads}"));

@@ -4,6 +4,7 @@
 //! line, and the material keeps what could be. `tobj` has an MTL reader, but one odd line loses the whole file there
 //! (`Kd 0.5` even panics), and map options stay glued to the file name; hence this reader.
 
+use crate::material::Channel;
 use crate::math::Rgb;
 
 /// A material as its MTL file gives it; absent statements are `None`.
@@ -31,10 +32,61 @@ pub struct MtlMaterial {
     pub pr: Option<f32>,
     /// `Pm`: metallic weight, finite and not negative.
     pub pm: Option<f32>,
-    /// `map_Kd`: texture of the diffuse reflectance.
-    pub map_kd: Option<MapRef>,
-    /// `map_d`: texture of the opacity.
-    pub map_d: Option<MapRef>,
+    /// Textures, by [`MapKind`].
+    pub maps: [Option<MapRef>; MapKind::ALL.len()],
+}
+
+/// What a texture is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MapKind {
+    /// `map_Kd`: the diffuse reflectance.
+    Kd,
+    /// `map_d`: the opacity.
+    D,
+    /// `map_Ke`: the emitted radiance.
+    Ke,
+    /// `map_Pr`: the roughness.
+    Pr,
+    /// `map_Pm`: the metallic weight.
+    Pm,
+    /// `bump` or `map_bump`: heights; some exporters put normals there.
+    Bump,
+    /// `norm`: normals.
+    Norm,
+}
+
+impl MapKind {
+    /// All of them, as they are numbered.
+    pub const ALL: [MapKind; 7] = [
+        MapKind::Kd,
+        MapKind::D,
+        MapKind::Ke,
+        MapKind::Pr,
+        MapKind::Pm,
+        MapKind::Bump,
+        MapKind::Norm,
+    ];
+
+    /// By its keyword in lower case.
+    fn named(keyword: &str) -> Option<MapKind> {
+        Some(match keyword {
+            "map_kd" => MapKind::Kd,
+            "map_d" => MapKind::D,
+            "map_ke" => MapKind::Ke,
+            "map_pr" => MapKind::Pr,
+            "map_pm" => MapKind::Pm,
+            "bump" | "map_bump" => MapKind::Bump,
+            "norm" | "map_norm" => MapKind::Norm,
+            _ => return None,
+        })
+    }
+}
+
+impl MtlMaterial {
+    /// The texture for something.
+    pub fn map(&self, kind: MapKind) -> Option<&MapRef> {
+        self.maps[kind as usize].as_ref()
+    }
 }
 
 /// A reference to a texture file. The texture is looked up at `uv * scale + offset`.
@@ -46,6 +98,25 @@ pub struct MapRef {
     pub scale: [f32; 2],
     /// `-o`: finite; 0 where not given.
     pub offset: [f32; 2],
+    /// `-clamp on`: beyond its edges are the texels there; else it repeats.
+    pub clamp: bool,
+    /// `-bm`: finite factor on heights or slopes; 1 where not given.
+    pub strength: f32,
+    /// `-imfchan`: which number of the texels, where one is asked for.
+    pub channel: Option<Channel>,
+}
+
+impl MapRef {
+    fn new() -> MapRef {
+        MapRef {
+            file: String::new(),
+            scale: [1.0; 2],
+            offset: [0.0; 2],
+            clamp: false,
+            strength: 1.0,
+            channel: None,
+        }
+    }
 }
 
 /// Reads a material library. `file` names it in the warnings, which are appended to `warnings`.
@@ -124,7 +195,14 @@ impl Library<'_> {
             self.warn(&format!("`{keyword}` before the first `newmtl` is ignored"));
             return;
         }
-        match keyword.to_ascii_lowercase().as_str() {
+        let lower = keyword.to_ascii_lowercase();
+        if let Some(kind) = MapKind::named(&lower) {
+            if let Some(map) = self.map(keyword, rest) {
+                self.set(|m| m.maps[kind as usize] = Some(map));
+            }
+            return;
+        }
+        match lower.as_str() {
             "kd" => self.set_colour(keyword, rest, |m, v| m.kd = Some(v)),
             "ks" => self.set_colour(keyword, rest, |m, v| m.ks = Some(v)),
             "ke" => self.set_colour(keyword, rest, |m, v| m.ke = Some(v)),
@@ -142,16 +220,6 @@ impl Library<'_> {
                 Some(n) => self.set(|m| m.illum = Some(n)),
                 None => self.warn(&format!("`illum {rest}` is not a whole number and is ignored")),
             },
-            "map_kd" => {
-                if let Some(map) = self.map(keyword, rest) {
-                    self.set(|m| m.map_kd = Some(map));
-                }
-            }
-            "map_d" => {
-                if let Some(map) = self.map(keyword, rest) {
-                    self.set(|m| m.map_d = Some(map));
-                }
-            }
             // Ambient light does not exist in a path tracer, anti-aliasing and sharpness do not apply: nothing is lost.
             "ka" | "map_ka" | "map_aat" | "sharpness" => {}
             _ => match self.unsupported.iter_mut().find(|(k, ..)| k == keyword) {
@@ -224,11 +292,7 @@ impl Library<'_> {
 
     /// Parses the options and the file name of a map statement.
     fn map(&mut self, keyword: &str, statement: &str) -> Option<MapRef> {
-        let mut map = MapRef {
-            file: String::new(),
-            scale: [1.0; 2],
-            offset: [0.0; 2],
-        };
+        let mut map = MapRef::new();
         let mut rest = statement;
         while let Some((option, mut after)) = split_word(rest).filter(|(word, _)| word.starts_with('-')) {
             let values = match option.to_ascii_lowercase().as_str() {
@@ -271,10 +335,30 @@ impl Library<'_> {
                 let numbers: Vec<f32> = values.iter().filter_map(|v| v.parse().ok()).collect();
                 numbers != [0.0, 1.0]
             }
-            "-clamp" | "-cc" => !text.eq_ignore_ascii_case("off"),
+            "-clamp" => {
+                map.clamp = text.eq_ignore_ascii_case("on");
+                false
+            }
+            "-bm" => {
+                let strength = text.parse().ok().filter(|v: &f32| v.is_finite());
+                map.strength = strength.unwrap_or(map.strength);
+                strength.is_none()
+            }
+            "-imfchan" => {
+                map.channel = match text.to_ascii_lowercase().as_str() {
+                    "r" => Some(Channel::R),
+                    "g" => Some(Channel::G),
+                    "b" => Some(Channel::B),
+                    "l" => Some(Channel::Luminance),
+                    _ => None,
+                };
+                // The matte is what opacity reads in any case.
+                map.channel.is_none() && !(text.eq_ignore_ascii_case("m") && keyword.eq_ignore_ascii_case("map_d"))
+            }
+            "-cc" => !text.eq_ignore_ascii_case("off"),
             "-boost" => text.parse() != Ok(0f32),
-            "-imfchan" | "-type" => true,
-            // Bump strength means nothing for a reflectance; blending and resolution are hints about filtering.
+            "-type" => true,
+            // Blending and resolution are hints about filtering.
             _ => false,
         };
         if ignored {
@@ -333,21 +417,21 @@ mod tests {
 
     fn map_of(statement: &str) -> (MapRef, Vec<String>) {
         let (materials, warnings) = read_str(&format!("newmtl m\nmap_Kd {statement}"));
-        (materials[0].map_kd.clone().expect(statement), warnings)
+        (materials[0].map(MapKind::Kd).cloned().expect(statement), warnings)
     }
 
     #[test]
     fn every_supported_statement_is_read_with_crlf_line_ends_and_comments() {
         let (materials, warnings) = read_str(
             "# library\r\nnewmtl red paint\r\nKa 1 1 1\r\n  Kd 0.5 0.25 0.125 # rose\r\nKs 0.1\r\nKe 1e1 2 3\r\nNs 96\r\n\
-             Ni 1.5\r\nd 0.75\r\nillum 2\r\nPr 0.3\r\nPm 1\r\nmap_kd wood.png\r\nmap_d holes.png\r\nnewmtl other\r\nTr 0.25",
+             Ni 1.5\r\nd 0.75\r\nillum 2\r\nPr 0.3\r\nPm 1\r\nmap_kd wood.png\r\nmap_d holes.png\r\nmap_Ke glow.png\r\nmap_Pr rough.png\r\n\
+             map_Pm metal.png\r\nmap_Bump heights.png\r\nnorm normals.png\r\nnewmtl other\r\nTr 0.25",
         );
         assert_eq!(warnings, [""; 0]);
         let map = |file: &str| {
             Some(MapRef {
                 file: file.to_owned(),
-                scale: [1.0; 2],
-                offset: [0.0; 2],
+                ..MapRef::new()
             })
         };
         assert_eq!(
@@ -364,8 +448,15 @@ mod tests {
                 illum: Some(2),
                 pr: Some(0.3),
                 pm: Some(1.0),
-                map_kd: map("wood.png"),
-                map_d: map("holes.png"),
+                maps: [
+                    map("wood.png"),
+                    map("holes.png"),
+                    map("glow.png"),
+                    map("rough.png"),
+                    map("metal.png"),
+                    map("heights.png"),
+                    map("normals.png"),
+                ],
             }
         );
         assert_eq!(
@@ -397,6 +488,22 @@ mod tests {
     }
 
     #[test]
+    fn options_of_maps_are_kept() {
+        for keyword in ["bump", "map_bump", "map_Bump"] {
+            let statement = format!("newmtl m\n{keyword} -bm -0.25 -clamp on -imfchan g a b.png");
+            let (materials, warnings) = read_str(&statement);
+            let map = materials[0].map(MapKind::Bump).expect(keyword);
+            assert_eq!((map.file.as_str(), map.strength, map.clamp), ("a b.png", -0.25, true));
+            assert_eq!((map.channel, warnings.len()), (Some(Channel::G), 0));
+        }
+        let (materials, warnings) = read_str("newmtl m\nmap_d -imfchan m a.png\nmap_Pr -imfchan l -clamp off a.png");
+        assert_eq!(materials[0].map(MapKind::D).unwrap().channel, None);
+        let roughness = materials[0].map(MapKind::Pr).unwrap();
+        assert_eq!((roughness.channel, roughness.clamp), (Some(Channel::Luminance), false));
+        assert_eq!(warnings, [""; 0]);
+    }
+
+    #[test]
     fn backslashes_in_file_names_become_slashes() {
         assert_eq!(map_of(r"maps\old wood\a.png").0.file, "maps/old wood/a.png");
     }
@@ -404,11 +511,12 @@ mod tests {
     #[test]
     fn options_that_would_change_the_look_are_warned_about() {
         for option in [
-            "-clamp on",
             "-mm 0.1 2",
             "-cc on",
             "-boost 3",
-            "-imfchan l",
+            "-imfchan z",
+            "-imfchan m",
+            "-bm x",
             "-type sphere",
             "-t 1 1 1",
         ] {
@@ -441,8 +549,9 @@ mod tests {
             "illum -1",
             "map_Kd",
             "map_d   ",
-            "map_Ke glow.png",
-            "map_Bump b.png",
+            "map_Ke",
+            "map_Ns gloss.png",
+            "map_Ks b.png",
             "newmtl",
             "nonsense 1",
         ] {
@@ -471,9 +580,9 @@ mod tests {
 
     #[test]
     fn a_keyword_that_is_not_supported_is_reported_once() {
-        let (_, warnings) = read_str("newmtl a\nnorm n.png\nnewmtl b\nnorm n.png\nTf 1 1 1\n");
+        let (_, warnings) = read_str("newmtl a\ndisp n.png\nnewmtl b\ndisp n.png\nTf 1 1 1\n");
         assert_eq!(warnings.len(), 2, "{warnings:?}");
-        assert!(warnings[0].starts_with("m.mtl:2: `norm`") && warnings[0].contains("2 times"));
+        assert!(warnings[0].starts_with("m.mtl:2: `disp`") && warnings[0].contains("2 times"));
     }
 
     #[test]

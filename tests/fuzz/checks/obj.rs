@@ -26,6 +26,13 @@ pub(crate) fn check(data: &[u8]) {
             );
         }
         assert!(part.mesh.uvs.iter().all(|uv| uv.is_finite()));
+        let is_reflectance = |c: f32| (0.0..=1.0).contains(&c);
+        assert!(
+            part.mesh
+                .colors
+                .iter()
+                .all(|c| c.to_array().into_iter().all(is_reflectance))
+        );
     }
     scene.materials.iter().for_each(check_material);
     assert!(scene.warnings.iter().all(|warning| !warning.trim().is_empty()));
@@ -52,8 +59,16 @@ fn check_material(material: &MtlMaterial) {
         assert!(usable(value), "{material:?}");
     }
     assert!(material.d.is_none_or(|d| (0.0..=1.0).contains(&d)), "{material:?}");
-    for MapRef { file, scale, offset } in [&material.map_kd, &material.map_d].into_iter().flatten() {
+    for MapRef {
+        file,
+        scale,
+        offset,
+        strength,
+        ..
+    } in material.maps.iter().flatten()
+    {
         assert!(!file.is_empty());
-        assert!(scale.iter().chain(offset).all(|v| v.is_finite()), "{material:?}");
+        let numbers = scale.iter().chain(offset).chain([strength]);
+        assert!(numbers.into_iter().all(|v| v.is_finite()), "{material:?}");
     }
 }
