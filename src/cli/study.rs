@@ -99,6 +99,7 @@ fn study(args: &StudyArgs, plan: &Plan, interrupt: &Interrupt) -> Result<(), End
         resolution: desc.camera.resolution,
         scene_resolution,
         max_depth,
+        smooth_angle: args.smooth.smooth_angle,
         backends: backends
             .iter()
             .map(|b| format!("{} {}", b.name, (b.version)()))

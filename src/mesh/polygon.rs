@@ -39,14 +39,18 @@ impl Cut {
         polygons.par_iter().filter_map(cut).collect()
     }
 
-    /// Cuts the polygon, which is a fan so far. `offset`: where the triangles of its mesh begin in `indices`.
-    pub(crate) fn apply(&self, indices: &mut [[u32; 3]], offset: usize) {
+    /// The first triangle of the polygon.
+    pub(crate) fn start(&self) -> usize {
+        self.polygon.start as usize
+    }
+
+    /// Cuts the polygon, which is a fan so far, at `start` in indices of any kind.
+    pub(crate) fn apply(&self, indices: &mut [[u32; 3]], start: usize) {
         let polygon = Polygon {
-            start: self.polygon.start + offset as u32,
+            start: start as u32,
             ..self.polygon
         };
         let corners: Vec<u32> = polygon.corners(indices).collect();
-        let start = polygon.start as usize;
         for (triangle, cut) in indices[start..].iter_mut().zip(&self.triangles) {
             *triangle = cut.map(|corner| corners[corner as usize]);
         }
@@ -203,7 +207,7 @@ mod tests {
         let polygons = [Polygon { start: 1, corners: 4 }];
         let cuts = Cut::all(&positions, &indices, &polygons);
         assert_eq!(cuts.len(), 1);
-        cuts[0].apply(&mut indices, 0);
+        cuts[0].apply(&mut indices, cuts[0].start());
         assert_eq!((indices[0], indices[3]), ([0, 1, 2], [5, 4, 3]));
         let (sum, total) = areas(&positions, &indices[1..3], DVec3::Z);
         assert!(sum > 0.0 && (sum - total).abs() < 1e-12, "{sum} {total}");

@@ -110,8 +110,9 @@ pub enum ObjError {
 /// and returns the content of that file.
 ///
 /// Faces are grouped by material across `o` and `g`; faces with and without normals or texture coordinates form
-/// separate parts, so that none lose what they have. Polygons become triangle fans around their first corner. Points,
-/// lines, curves and vertex colours are not read. A material library that is missing or odd, and a material that no
+/// separate parts, so that none lose what they have. Polygons become triangle fans around their first corner, or what ear
+/// clipping makes of them where a fan would leave them. Vertex colours are taken as sRGB. Points, lines and curves are not
+/// read. A material library that is missing or odd, and a material that no
 /// library has, are warnings.
 ///
 /// # Errors
@@ -146,12 +147,11 @@ pub fn read(
                 }
             },
         );
-        for piece in pieces? {
-            for (line, names) in &piece.libraries {
-                libraries.add(*line, names);
-            }
-            content.add(piece);
+        let pieces = pieces?;
+        for (line, names) in pieces.iter().flat_map(|piece| &piece.libraries) {
+            libraries.add(*line, names);
         }
+        content.extend(pieces);
         match std::mem::replace(&mut more, more_after) {
             Ok(true) => std::mem::swap(&mut window, &mut next),
             Ok(false) => break,
@@ -243,6 +243,12 @@ fn warn_of_ignored(path: &Path, ignored: &Ignored, warnings: &mut Vec<String>) {
             ignored.mixed_faces
         ));
     }
+    if ignored.clamped_colors > 0 {
+        warnings.push(format!(
+            "{file}: {} vertex colours are not within 0 to 1 and are clamped",
+            ignored.clamped_colors
+        ));
+    }
     if let Some((count, line, statement)) = &ignored.unknown {
         warnings.push(format!(
             "{file}: {count} statements of unknown kind are ignored, the first in line {line}: `{statement}`"
@@ -321,7 +327,7 @@ fn finish_mesh(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{DAffine3, Vec3};
+    use crate::math::{DAffine3, Rgb, Vec3, srgb_decode};
 
     const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
 
@@ -389,6 +395,72 @@ mod tests {
             .map(|[a, b, c]| 0.5 * (*b - *a).cross(*c - *a).z)
             .collect();
         assert_eq!(areas, [1.0, 4.0, 2.0, 1.0, 4.0]);
+    }
+
+    /// The sums of the areas along z, with and without sign.
+    fn areas(mesh: &TriangleMesh<DVec3>) -> (f64, f64) {
+        let areas = mesh.indices.iter().map(|corners| {
+            let [a, b, c] = corners.map(|i| mesh.positions[i as usize]);
+            0.5 * (b - a).cross(c - a).z
+        });
+        (areas.clone().sum(), areas.map(f64::abs).sum())
+    }
+
+    /// Of runs with and without attributes, so that the places of their corners differ.
+    #[test]
+    fn concave_polygons_are_covered_once_and_keep_their_attributes() {
+        let arrow = "v 0 0 0\nv 2 1 0\nv 0 2 0\nv 0.5 1 0\n";
+        let attributes = "vt 0 0\nvt 2 1\nvt 0 2\nvt 0.5 1\nvn 0 0 1\n";
+        let faces = "f 1 2 4\nf 1//1 2//1 4//1\nf 1 2 3 4\nf 1/1 2/2 4/4\nf 1/1 2/2 3/3 4/4\nf 1/1/1 2/2/1 3/3/1 4/4/1\n\
+                     f 1//1 2//1 3//1 4//1\nf 2 3 4 1\n";
+        let scene = read_str(&format!("{arrow}{attributes}{faces}"));
+        assert_eq!(scene.warnings, [""; 0]);
+        assert_eq!(scene.parts.len(), 4);
+        for part in &scene.parts {
+            let (sum, total) = areas(&part.mesh);
+            assert!((sum - total).abs() < 1e-12 && sum >= 1.5, "{:?}", part.mesh);
+            for (uv, position) in part.mesh.uvs.iter().zip(&part.mesh.positions) {
+                assert_eq!(uv.as_dvec2(), position.truncate());
+            }
+        }
+        let all: f64 = scene.parts.iter().map(|part| areas(&part.mesh).0).sum();
+        assert!((all - (3.0 * 0.5 + 5.0 * 1.5)).abs() < 1e-12, "{all}");
+        // The fan of the last face is right already, and stays as it is.
+        let last = read_str(&format!("{arrow}f 4 1 2 3\n"));
+        assert_eq!(
+            corners(&last.parts[0].mesh)[0],
+            [Vec3::new(0.5, 1.0, 0.0), Vec3::ZERO, Vec3::new(2.0, 1.0, 0.0)]
+        );
+    }
+
+    #[test]
+    fn vertex_colours_are_srgb_and_white_where_a_vertex_has_none() {
+        let scene =
+            read_str("v 0 0 0\nv 1 0 0 1 0 0.5\nv 0 1 0 0.25 0 1\nv 1 1 0\nusemtl a\nf 1 2 3\nusemtl b\nf 1 4 1\n");
+        let half = srgb_decode(0.5);
+        let [a, b] = &*scene.parts else {
+            panic!("{:?}", scene.parts)
+        };
+        let expected = [
+            Rgb::WHITE,
+            Rgb::new(1.0, 0.0, half),
+            Rgb::new(srgb_decode(0.25), 0.0, 1.0),
+        ];
+        assert_eq!(a.mesh.colors, expected);
+        assert_eq!(b.mesh.colors, []);
+        // The same through the way for files of which every vertex is in use, and with a weight.
+        let scene = read_str("v 0 0 0 1 1 1 1\nv 1 0 0 1 0 0.5\nv 0 1 0 0.25 0 1\nf 1 2 3\n");
+        assert_eq!(scene.parts[0].mesh.colors, expected);
+        let scene = read_str("v 0 0 0 255 0 0\nv 1 0 0 nan 0 0\nv 0 1 0 0 -1 0\nf 1 2 3\n");
+        assert_eq!(
+            scene.parts[0].mesh.colors,
+            [Rgb::new(1.0, 0.0, 0.0), Rgb::BLACK, Rgb::BLACK]
+        );
+        assert!(
+            scene.warnings.len() == 1 && scene.warnings[0].contains("3 vertex colours"),
+            "{:?}",
+            scene.warnings
+        );
     }
 
     #[test]

@@ -144,7 +144,7 @@ fn finish(path: &Path, content: Content) -> Result<PlyMesh, PlyError> {
         source,
     })?;
     for cut in Cut::all(&mesh.positions, &mesh.indices, &polygons) {
-        cut.apply(&mut mesh.indices, 0);
+        cut.apply(&mut mesh.indices, cut.start());
     }
     let file = path.display();
     let mut warnings: Vec<String> = unread

@@ -47,6 +47,8 @@ pub struct Conditions {
     pub scene_resolution: [u32; 2],
     /// Depth limit of scene or command line.
     pub max_depth: Option<u32>,
+    /// Angle that meshes without normals are smoothed by [degrees].
+    pub smooth_angle: Option<f64>,
     /// Backends with their versions; the first is the one of all settings but those that name another.
     pub backends: Vec<String>,
     /// How many threads rendered.
@@ -305,6 +307,9 @@ fn command(setting: &Setting, spp: u32, conditions: &Conditions) -> String {
         && !setting.arguments.contains("--max-depth")
     {
         command += &format!(" --max-depth {depth}");
+    }
+    if let Some(degrees) = conditions.smooth_angle {
+        command += &format!(" --smooth-angle {degrees}");
     }
     if !setting.arguments.is_empty() {
         command += &format!(" {}", setting.arguments);

@@ -2,7 +2,8 @@
 
 use super::ObjError;
 use super::lines::{Statements, TooLong};
-use crate::math::{DVec3, Vec2, Vec3};
+use crate::math::{DVec3, Rgb, Vec2, Vec3, srgb_decode};
+use crate::mesh::{Cut, Polygon};
 use crate::scene::number::{decimal, whole};
 use std::path::Path;
 
@@ -52,6 +53,8 @@ pub(super) struct Ignored {
     pub(super) curves: u64,
     /// Faces of which only some corners have normals or texture coordinates.
     pub(super) mixed_faces: u64,
+    /// Vertex colours that are not within 0 to 1.
+    pub(super) clamped_colors: u64,
     /// Statements of unknown keywords: how many, line and text of the first.
     pub(super) unknown: Option<(u64, u64, String)>,
 }
@@ -63,6 +66,7 @@ impl Ignored {
         self.lines += later.lines;
         self.curves += later.curves;
         self.mixed_faces += later.mixed_faces;
+        self.clamped_colors += later.clamped_colors;
         self.unknown = match (self.unknown.take(), later.unknown) {
             (Some((count, line, text)), Some((more, ..))) => Some((count + more, line, text)),
             (first, second) => first.or(second),
@@ -86,16 +90,46 @@ pub(super) struct Run {
 #[derive(Default)]
 pub(super) struct Piece {
     pub(super) positions: Vec<DVec3>,
+    /// Of the first positions; [`NO_COLOR`] where there is none.
+    pub(super) colors: Vec<Rgb>,
     pub(super) uvs: Vec<Vec2>,
     pub(super) normals: Vec<Vec3>,
     pub(super) runs: Vec<Run>,
     /// Positions of the triangles of all runs; texture coordinates and normals of those runs that have them.
     pub(super) corners: [Vec<[u32; 3]>; 3],
+    /// Those of the first corners that are more than one triangle.
+    polygons: Vec<Polygon>,
     /// What `usemtl` says, each time.
     pub(super) names: Vec<String>,
     /// Line and text of each `mtllib`.
     pub(super) libraries: Vec<(u64, String)>,
     pub(super) ignored: Ignored,
+}
+
+/// Stands for the colour of a vertex that has none.
+pub(super) const NO_COLOR: Rgb = Rgb::splat(-1.0);
+
+impl Piece {
+    /// Cuts polygons that their fans do not cover. `positions` are all up to the end of the piece.
+    pub(super) fn cut_polygons(&mut self, positions: &[DVec3]) {
+        let cuts = Cut::all(positions, &self.corners[0], &std::mem::take(&mut self.polygons));
+        let mut cuts = cuts.iter().peekable();
+        // Where the run begins among the triangles of each kind.
+        let mut start = [0; 3];
+        for run in &self.runs {
+            let end = start[0] + run.triangles;
+            while let Some(cut) = cuts.next_if(|cut| cut.start() < end) {
+                for (kind, has) in [true, run.uvs, run.normals].into_iter().enumerate() {
+                    if has {
+                        cut.apply(&mut self.corners[kind], cut.start() - start[0] + start[kind]);
+                    }
+                }
+            }
+            for (start, has) in start.iter_mut().zip([true, run.uvs, run.normals]) {
+                *start += if has { run.triangles } else { 0 };
+            }
+        }
+    }
 }
 
 /// Reads a piece that comes after `before`. Positions, texture coordinates and normals are 2^32 - 1 at most.
@@ -233,7 +267,12 @@ impl Reader {
         let [x, y, z, weight, ..] = values;
         let mut position = DVec3::new(x, y, z);
         let is_finite = match count {
-            3 | 6 | 7 => position.as_vec3().is_finite(),
+            3 => position.as_vec3().is_finite(),
+            6 | 7 => {
+                // With seven, a weight comes before the colour.
+                self.color([0, 1, 2].map(|c| values[count - 3 + c]));
+                position.as_vec3().is_finite()
+            }
             4 => {
                 let (p, w) = (position.as_vec3(), weight as f32);
                 position /= weight;
@@ -247,6 +286,16 @@ impl Reader {
         self.piece.positions.push(position);
         self.defined[0] += 1;
         Ok(())
+    }
+
+    /// Adds the colour of the next position. Exporters and importers agree on sRGB.
+    fn color(&mut self, color: [f64; 3]) {
+        let piece = &mut self.piece;
+        piece.colors.resize(piece.positions.len(), NO_COLOR);
+        // A NaN becomes 0.
+        let decode = |c: f64| srgb_decode((c as f32).max(0.0).min(1.0));
+        piece.ignored.clamped_colors += u64::from(!color.iter().all(|c| (0.0..=1.0).contains(c)));
+        piece.colors.push(Rgb::from(color.map(decode)));
     }
 
     fn texture_coordinates(&mut self, text: &[u8]) -> Result<(), Failure> {
@@ -328,6 +377,12 @@ impl Reader {
             triangles: 0,
         };
         let triangles = face.len() - 2;
+        if triangles > 1 {
+            self.piece.polygons.push(Polygon {
+                start: self.piece.corners[0].len() as u32,
+                corners: face.len() as u32,
+            });
+        }
         match self.piece.runs.last_mut() {
             Some(last) if Run { triangles: 0, ..*last } == run => last.triangles += triangles,
             _ => self.piece.runs.push(Run { triangles, ..run }),

@@ -1,7 +1,7 @@
 //! From the pieces of a file to meshes, in which one index serves position, normal and texture coordinate alike.
 
-use super::piece::{Ignored, Piece};
-use crate::math::{DVec3, Vec2, Vec3};
+use super::piece::{Ignored, NO_COLOR, Piece};
+use crate::math::{DVec3, Rgb, Vec2, Vec3};
 use crate::mesh::TriangleMesh;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -36,6 +36,8 @@ struct Part {
 #[derive(Default)]
 pub(super) struct Content {
     positions: Vec<DVec3>,
+    /// Of the first positions; [`NO_COLOR`] where there is none.
+    colors: Vec<Rgb>,
     uvs: Vec<Vec2>,
     normals: Vec<Vec3>,
     /// Of each piece.
@@ -66,11 +68,25 @@ struct Vertex {
 const MAX_SEARCH: usize = 32;
 
 impl Content {
-    /// Appends the next piece of the file.
-    pub(super) fn add(&mut self, piece: Piece) {
-        self.positions.extend_from_slice(&piece.positions);
-        self.uvs.extend_from_slice(&piece.uvs);
-        self.normals.extend_from_slice(&piece.normals);
+    /// Appends the next pieces of the file.
+    pub(super) fn extend(&mut self, mut pieces: Vec<Piece>) {
+        for piece in &mut pieces {
+            if !piece.colors.is_empty() {
+                self.colors.resize(self.positions.len(), NO_COLOR);
+                self.colors.append(&mut piece.colors);
+            }
+            self.positions.append(&mut piece.positions);
+            self.uvs.append(&mut piece.uvs);
+            self.normals.append(&mut piece.normals);
+        }
+        pieces
+            .par_iter_mut()
+            .for_each(|piece| piece.cut_polygons(&self.positions));
+        pieces.into_iter().for_each(|piece| self.add(piece));
+    }
+
+    /// Appends the faces of a piece.
+    fn add(&mut self, piece: Piece) {
         self.ignored.add(piece.ignored);
         let names: Vec<usize> = piece.names.into_iter().map(|name| self.index_of_name(name)).collect();
         let mut start = [0; 3];
@@ -108,6 +124,9 @@ impl Content {
 
     /// Material and mesh of each part; no mesh where its triangles or vertices cannot be numbered with 32 bits.
     pub(super) fn weld(mut self) -> Vec<(Option<usize>, Option<TriangleMesh<DVec3>>)> {
+        if !self.colors.is_empty() {
+            self.colors.resize(self.positions.len(), NO_COLOR);
+        }
         if let Some(mesh) = self.take_if_welded() {
             return vec![(self.parts[0].key.material, Some(mesh))];
         }
@@ -156,7 +175,7 @@ impl Content {
             return None;
         }
         Some(TriangleMesh {
-            colors: Vec::new(),
+            colors: usable(take(&mut self.colors)),
             positions: take(&mut self.positions),
             uvs: if key.uvs { take(&mut self.uvs) } else { Vec::new() },
             normals: if key.normals {
@@ -195,8 +214,9 @@ impl Content {
             return None;
         }
         let corners = || vertices.par_iter().map(|vertex| vertex.corner.map(|i| i as usize));
+        let colored = corners().map(|[p, ..]| p).filter(|_| !self.colors.is_empty());
         Some(TriangleMesh {
-            colors: Vec::new(),
+            colors: usable(colored.map(|p| self.colors[p]).collect()),
             positions: corners().map(|[p, ..]| self.positions[p]).collect(),
             uvs: if part.key.uvs {
                 corners().map(|[_, uv, _]| self.uvs[uv]).collect()
@@ -211,6 +231,17 @@ impl Content {
             indices,
         })
     }
+}
+
+/// The colours of a mesh: none if no vertex has one, else white for those without.
+fn usable(mut colors: Vec<Rgb>) -> Vec<Rgb> {
+    if colors.iter().all(|color| *color == NO_COLOR) {
+        return Vec::new();
+    }
+    for color in colors.iter_mut().filter(|color| **color == NO_COLOR) {
+        *color = Rgb::WHITE;
+    }
+    colors
 }
 
 /// The vertex of a corner, which is made if there is none.
