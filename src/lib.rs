@@ -9,6 +9,7 @@ pub mod camera;
 pub mod cli;
 pub mod columns;
 pub mod error;
+mod files;
 pub mod film;
 pub mod image;
 pub mod integrator;

@@ -709,12 +709,50 @@ fn info_prints_one_object_of_what_the_scene_has_and_requires() {
     assert_eq!(info["requires"], serde_json::json!(["environment", "area-lights"]));
     assert_eq!(info["materials"], serde_json::json!(["red"]));
     assert_eq!(info["memory_bytes"]["environment_table"], 0);
+    assert_eq!(info["format"], "scene file (TOML)");
+    assert_eq!(info["lights_by_kind"]["emitting_triangles"], 2);
+    assert_eq!(info["lights_by_kind"]["environment"], 1);
     let table = folder.done("info scene.toml").stdout;
     assert!(
         table.contains("environment, area-lights") && table.contains("16 x 12"),
         "{table}"
     );
     assert_eq!(folder.names(), before);
+}
+
+#[test]
+fn info_lists_materials_bitmaps_and_lights_by_kind() {
+    let worn = "[materials.worn]\ntype = \"blend\"\nmaterials = [\"red\", \"tiles\"]\nweight = 0.5\nback = \"black\"\n\
+        [materials.tiles]\ntype = \"principled\"\ntexture = \"tiles.png\"\nopacity = 0.5\nback = \"red\"\n\
+        normal_map = { texture = \"tiles.png\" }\n";
+    let lights = "[[lights]]\ntype = \"point\"\nposition = [0, 1, 0]\nintensity = [1, 1, 1]\n\
+        [[lights]]\ntype = \"distant\"\ndirection = [0, -1, 0]\nirradiance = [1, 1, 1]\n";
+    let folder = Folder::with(&[CAMERA, RED, worn, &FLOOR.replace("\"red\"", "\"worn\""), lights].concat());
+    folder.write("tiles.png", png_of(&Image::filled(5, 4, [255; 3])));
+    let info: Value = serde_json::from_str(&folder.done("info scene.toml --json").stdout).unwrap();
+    assert_eq!(info["materials"], serde_json::json!(["worn", "red", "tiles"]));
+    let details = &info["material_details"];
+    assert_eq!(details[0]["type"], "blend");
+    assert_eq!(details[0]["blended"], serde_json::json!(["red", "tiles"]));
+    assert_eq!(details[0]["with"], serde_json::json!(["black back"]));
+    assert_eq!(details[2]["type"], "principled");
+    assert_eq!(details[2]["textures"], serde_json::json!([0, 1]));
+    assert_eq!(
+        details[2]["with"],
+        serde_json::json!(["opacity", "normal map", "back of red"])
+    );
+    let texels = |i: usize| info["texture_details"][i]["texels"].as_str().unwrap().to_owned();
+    assert_eq!((texels(0).as_str(), texels(1).as_str()), ("8-bit sRGB", "8-bit linear"));
+    assert_eq!(info["texture_details"][0]["width"], 5);
+    let table = folder.done("info scene.toml").stdout;
+    for line in [
+        "worn: blend of red and tiles, black back",
+        "tiles: principled, opacity, normal map, back of red, texture 0, texture 1",
+        "0: 5 x 4, 8-bit sRGB",
+        "1 point, 1 distant",
+    ] {
+        assert!(table.contains(line), "no `{line}` in {table}");
+    }
 }
 
 #[test]

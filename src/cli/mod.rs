@@ -15,6 +15,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 mod budget;
+mod convert;
 mod info;
 mod interrupt;
 mod layers;
@@ -48,6 +49,8 @@ enum Command {
     Render(Box<RenderArgs>),
     /// Show what a scene contains, what it requires, and what memory it takes
     Info(InfoArgs),
+    /// Write a scene of any format as a scene file that can be edited
+    Convert(ConvertArgs),
     /// Compare two images; the first is the reference
     Compare(CompareArgs),
     /// Convert an EXR to an sRGB PNG
@@ -372,6 +375,22 @@ struct InfoArgs {
 }
 
 #[derive(Debug, Args)]
+struct ConvertArgs {
+    /// Scene file of any format
+    scene: PathBuf,
+    /// Scene file to write, .toml; meshes and images go to a folder beside it, OUT_files for OUT.toml
+    output: PathBuf,
+    /// Print nothing but errors
+    #[arg(short, long)]
+    quiet: bool,
+    /// Treat warnings about the scene as errors
+    #[arg(long)]
+    strict: bool,
+    #[command(flatten)]
+    smooth: SmoothArgs,
+}
+
+#[derive(Debug, Args)]
 struct CompareArgs {
     /// Reference
     a: PathBuf,
@@ -522,6 +541,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let result = match &cli.command {
         Command::Render(args) => render::run(args),
         Command::Info(args) => info::run(args).map(|()| 0),
+        Command::Convert(args) => convert::run(args).map(|()| 0),
         Command::Compare(args) => tools::compare(args).map(|()| 0),
         Command::Tonemap(args) => tools::tonemap(args).map(|()| 0),
         Command::Study(args) => study::run(args),

@@ -1,6 +1,7 @@
 //! Files written whole or not at all: a temporary name beside the target, then a rename.
 
 use super::{Failure, SOFTWARE};
+use crate::files;
 use crate::image::exr::{self, ExrMetadata, Layer};
 use crate::image::{Image, display, ldr};
 use crate::math::Rgb;
@@ -113,23 +114,11 @@ pub(super) fn write_atomically<E: ToString>(
 }
 
 fn temporary(path: &Path) -> Result<NamedTempFile, Failure> {
-    let directory = match path.parent() {
-        Some(parent) if parent != Path::new("") => parent,
-        _ => Path::new("."),
-    };
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".embrace-");
-    #[cfg(unix)]
-    {
-        // What any program would give a new file, less the umask; temporary files are private by default.
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(fs::Permissions::from_mode(0o666));
-    }
-    builder.tempfile_in(directory).map_err(|e| {
+    files::temporary(path).map_err(|e| {
         Failure::output(format!(
             "{}: cannot be written: no file can be made in {} ({e}); make the directory or choose another",
             path.display(),
-            directory.display()
+            files::folder_of(path).display()
         ))
     })
 }

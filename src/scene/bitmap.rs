@@ -16,10 +16,24 @@ pub(super) enum Role {
     Colour(Option<Encoding>),
     /// How much of a surface is there: the alpha channel if there is one, else the colour, linear.
     Coverage,
+    /// Factors on emission, which may exceed 1; the encoding as given.
+    Radiance(Option<Encoding>),
+    /// Heights of any sign and size, linear unless stated.
+    Height(Option<Encoding>),
+}
+
+impl Role {
+    fn encoding(self) -> Option<Encoding> {
+        match self {
+            Role::Colour(encoding) | Role::Radiance(encoding) => encoding,
+            Role::Height(encoding) => encoding.or(Some(Encoding::Linear)),
+            Role::Coverage => None,
+        }
+    }
 }
 
 /// The bitmaps wanted, each once.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub(super) struct Bitmaps {
     pub(super) wanted: Vec<(PathBuf, Role)>,
     index: HashMap<(PathBuf, Role), usize>,
@@ -40,20 +54,20 @@ pub(super) fn load_texture(path: &Path, role: Role) -> Result<(Texture, blake3::
     let bytes = read_file(path)?;
     let hash = blake3::hash(&bytes);
     let texture = match (image::read(path, &bytes)?, role) {
-        (Decoded::Linear(image), _) => Texture::Rgb32(sanitise_reflectance(image)),
+        (Decoded::Linear(image), role) => Texture::Rgb32(sanitise(image, role)),
         (Decoded::Encoded(LdrImage::Bits8 { alpha: Some(alpha), .. }), Role::Coverage) => {
             Texture::Rgb8(map_pixels(alpha, |a| [a; 3]), Encoding::Linear)
         }
         (Decoded::Encoded(LdrImage::Bits8 { rgb, .. }), Role::Coverage) => Texture::Rgb8(rgb, Encoding::Linear),
-        (Decoded::Encoded(LdrImage::Bits8 { rgb, .. }), Role::Colour(encoding)) => {
-            Texture::Rgb8(rgb, encoding.unwrap_or(Encoding::Srgb))
+        (Decoded::Encoded(LdrImage::Bits8 { rgb, .. }), role) => {
+            Texture::Rgb8(rgb, role.encoding().unwrap_or(Encoding::Srgb))
         }
         (Decoded::Encoded(LdrImage::Bits16 { alpha: Some(alpha), .. }), Role::Coverage) => {
             Texture::Rgb32(map_pixels(alpha, Rgb::splat))
         }
         (Decoded::Encoded(LdrImage::Bits16 { rgb, .. }), role) => {
             // Sixteen bits are linear unless the scene says otherwise: the default of sRGB is for eight.
-            let srgb = role == Role::Colour(Some(Encoding::Srgb));
+            let srgb = role.encoding() == Some(Encoding::Srgb);
             Texture::Rgb32(map_pixels(rgb, |c| {
                 Rgb::from(if srgb { c.map(srgb_decode) } else { c })
             }))
@@ -70,9 +84,14 @@ fn map_pixels<T, U>(image: Image<T>, f: impl Fn(T) -> U) -> Image<U> {
     }
 }
 
-/// Reflectance from a file of unlimited range: NaN and negative become 0, what exceeds 1 becomes 1.
-fn sanitise_reflectance(image: Image<Rgb>) -> Image<Rgb> {
+/// Numbers from a file of unlimited range: NaN becomes 0, and what is beyond the range of the role its end.
+fn sanitise(image: Image<Rgb>, role: Role) -> Image<Rgb> {
+    let (low, high) = match role {
+        Role::Colour(_) | Role::Coverage => (0.0, 1.0),
+        Role::Radiance(_) => (0.0, 1e30),
+        Role::Height(_) => (-1e18, 1e18),
+    };
     map_pixels(image, |rgb| {
-        rgb.map(|c| if c.is_nan() { 0.0 } else { c.clamp(0.0, 1.0) })
+        rgb.map(|c| if c.is_nan() { 0.0 } else { c.clamp(low, high) })
     })
 }

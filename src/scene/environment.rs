@@ -5,14 +5,14 @@ use super::file::EnvironmentEntry;
 use super::input::read_file;
 use super::load::LoadError;
 use crate::image::{self, Image};
-use crate::math::{DMat3, Rgb};
+use crate::math::Rgb;
 use std::path::Path;
 use std::sync::Arc;
 
 pub(super) type LoadedEnvironment = (EnvironmentDesc, blake3::Hash, Vec<String>);
 
 pub(super) fn load_environment(entry: &EnvironmentEntry, base: &Path) -> Result<LoadedEnvironment, LoadError> {
-    let (file, scale, rotation_degrees) = match entry {
+    let (file, scale, rotation_degrees, to_world) = match entry {
         EnvironmentEntry::Constant(radiance) => {
             return Ok((EnvironmentDesc::Constant(*radiance), blake3::hash(b""), Vec::new()));
         }
@@ -20,7 +20,8 @@ pub(super) fn load_environment(entry: &EnvironmentEntry, base: &Path) -> Result<
             file,
             scale,
             rotation_degrees,
-        } => (file, *scale, *rotation_degrees),
+            to_world,
+        } => (file, *scale, *rotation_degrees, *to_world),
     };
     let path = base.join(file);
     let bytes = read_file(&path)?;
@@ -39,7 +40,7 @@ pub(super) fn load_environment(entry: &EnvironmentEntry, base: &Path) -> Result<
             image: Arc::new(image),
             scale,
             rotation_degrees,
-            to_world: DMat3::IDENTITY,
+            to_world,
         },
         hash,
         warnings,

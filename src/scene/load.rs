@@ -1,13 +1,13 @@
 //! Reading a scene: the scene file, and every mesh, material library and image that it uses.
 
-use super::bitmap::{Bitmaps, Role, load_texture};
+use super::bitmap::{Bitmaps, load_texture};
 use super::desc::{ObjectDesc, SceneDesc};
 use super::environment::load_environment;
-use super::file::{self, ColourEntry, EnvironmentEntry, MaterialEntry, MeshEntry, SceneFile};
+use super::file::{self, EnvironmentEntry, MeshEntry, SceneFile};
 use super::framing::framing;
 use super::input::{open, read_bytes, read_file};
 use super::obj::{self, MapKind, MtlMaterial, ObjError, ObjPart, ObjScene};
-use super::obj_material::{self, Converted, MISSING};
+use super::obj_material::{self, Converted};
 use super::origin;
 use super::ply::{self, PlyError};
 use super::value::{Document, KeyError};
@@ -16,7 +16,7 @@ use crate::image::ImageError;
 use crate::material::{Material, Scattering, Spectrum};
 use crate::math::{DAffine3, DVec3, Rgb};
 use crate::mesh::TriangleMesh;
-use crate::texture::{Texture, TextureMap};
+use crate::texture::Texture;
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::fs;
@@ -70,7 +70,7 @@ pub enum LoadError {
     /// A mesh file is damaged.
     #[error(transparent)]
     Obj(#[from] ObjError),
-    /// A mesh file is damaged.
+    /// The same of a PLY file.
     #[error(transparent)]
     Ply(#[from] PlyError),
     /// An image file is damaged.
@@ -136,12 +136,12 @@ fn load_scene_file(path: &Path, is_toml: bool) -> Result<SceneDesc, LoadError> {
         let Document(value) = serde_json::from_str(text).map_err(|e| syntax(e.to_string()))?;
         value
     };
-    let file = file::parse(&value).map_err(|KeyError { key, problem }| LoadError::Key {
+    let base = path.parent().unwrap_or(Path::new(""));
+    let file = file::parse(&value, base).map_err(|KeyError { key, problem }| LoadError::Key {
         path: path.to_owned(),
         key,
         problem,
     })?;
-    let base = path.parent().unwrap_or(Path::new(""));
     let mut hasher = blake3::Hasher::new();
     hasher.update(&bytes);
     assemble(file, base, hasher)
@@ -157,6 +157,8 @@ fn load_mesh_alone(path: &Path) -> Result<SceneDesc, LoadError> {
         max_depth: None,
         environment: Some(EnvironmentEntry::Constant(Rgb::WHITE)),
         materials: Vec::new(),
+        bitmaps: Bitmaps::default(),
+        lights: Vec::new(),
         meshes: vec![MeshEntry {
             file: name,
             material: None,
@@ -185,7 +187,7 @@ impl<R: Read> Read for Hashing<R> {
     }
 }
 
-/// A mesh file and the hash over it and its material libraries.
+/// An OBJ file and the hash over it and its material libraries.
 fn read_obj(path: &Path) -> Result<(ObjScene, blake3::Hash), LoadError> {
     let file = open(path).map_err(|source| LoadError::Read {
         path: path.to_owned(),
@@ -216,10 +218,18 @@ fn read_mesh(path: &Path) -> Result<(ObjScene, blake3::Hash), LoadError> {
     drop(bytes);
     let mut ply = read?;
     let warnings = std::mem::take(&mut ply.warnings);
+    let mesh = match ply.color() {
+        Some(color) => ply.into_mesh_colored_by(color).ok_or_else(|| LoadError::Key {
+            path: path.to_owned(),
+            key: color.into(),
+            problem: "there are too many faces to give each vertices of its own; give vertices colours instead".into(),
+        })?,
+        None => ply.mesh,
+    };
     let part = ObjPart {
         material_name: None,
         material: None,
-        mesh: ply.into_mesh(),
+        mesh,
     };
     let scene = ObjScene {
         parts: vec![part],
@@ -296,26 +306,8 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
         }
     }
 
-    // Materials in use, and the bitmaps that they want.
-    let mut bitmaps = Bitmaps::default();
-    let mut named_index = vec![None; file.materials.len()];
-    let mut named_used = Vec::new();
-    for material in file.meshes.iter().filter_map(|entry| entry.material) {
-        if named_index[material].is_none() {
-            named_index[material] = Some(named_used.len());
-            let bitmap = match &file.materials[material].1 {
-                MaterialEntry::Diffuse {
-                    reflectance: ColourEntry::Texture { file, encoding },
-                }
-                | MaterialEntry::Plastic {
-                    reflectance: ColourEntry::Texture { file, encoding },
-                    ..
-                } => Some(bitmaps.want(base.join(file), Role::Colour(*encoding))),
-                _ => None,
-            };
-            named_used.push((material, bitmap));
-        }
-    }
+    // Bitmaps of the scene file, then those that materials of mesh files in use want.
+    let mut bitmaps = file.bitmaps;
     let required = bitmaps.wanted.len();
     let mut mtl_index: HashMap<(usize, usize), usize> = HashMap::new();
     let mut mtl_used: Vec<MtlUse<'_>> = Vec::new();
@@ -377,13 +369,9 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
         });
     }
 
-    // Materials: the named ones, then those of the mesh files, then a default for parts without one.
-    let mut materials: Vec<(String, Material)> = Vec::new();
-    for (material, bitmap) in &named_used {
-        let (name, entry) = &file.materials[*material];
-        let texture = bitmap.and_then(|b| texture_of_bitmap[b]);
-        materials.push((name.clone(), Material::new(scattering(entry, texture))));
-    }
+    // Materials: the named ones, then those of the mesh files, then a default for parts without one. Bitmaps of the scene
+    // file are all there, so that their indices are those of the textures.
+    let mut materials = file.materials;
     let first_mtl = materials.len();
     let mut mtl_emission = Vec::with_capacity(mtl_used.len());
     for used in &mtl_used {
@@ -415,7 +403,7 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
     for (i, (entry, &obj)) in file.meshes.iter().zip(&obj_of_entry).enumerate() {
         for (part, part_material) in parts[obj].iter().enumerate() {
             let from_mtl = part_material.and_then(|m| mtl_index.get(&(obj, m)).copied());
-            let (material, mtl_emission) = match (entry.material.and_then(|m| named_index[m]), from_mtl) {
+            let (material, mtl_emission) = match (entry.material, from_mtl) {
                 (Some(named), _) => (named, (None, None)),
                 (None, Some(mtl)) => (first_mtl + mtl, mtl_emission[mtl]),
                 (None, None) => {
@@ -433,8 +421,11 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
                 mesh: part_base[obj] + part,
                 material,
                 to_world: entry.to_world,
-                emission: entry.emission.or(mtl_emission.0),
-                emission_map: mtl_emission.1.filter(|_| entry.emission.is_none()),
+                emission: entry.emission.map(|(emission, _)| emission).or(mtl_emission.0),
+                emission_map: match entry.emission {
+                    Some((_, map)) => map,
+                    None => mtl_emission.1,
+                },
             });
         }
     }
@@ -452,7 +443,7 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
         textures,
         meshes,
         objects,
-        lights: Vec::new(),
+        lights: file.lights,
         hash: hasher.finalize().to_hex().to_string(),
         warnings,
     })
@@ -466,30 +457,4 @@ const DEFAULT_MATERIALS: [(&str, Material); 2] = [
 
 const fn diffuse(reflectance: Spectrum) -> Material {
     Material::new(Scattering::Diffuse { reflectance })
-}
-
-fn scattering(entry: &MaterialEntry, texture: Option<u32>) -> Scattering {
-    let spectrum = |colour: &ColourEntry| match (colour, texture) {
-        (ColourEntry::Rgb(rgb), _) => Spectrum::Constant(*rgb),
-        (ColourEntry::Texture { .. }, Some(texture)) => Spectrum::Bitmap(TextureMap::new(texture), Rgb::WHITE),
-        // Bitmaps of the scene file are there, or loading has failed.
-        (ColourEntry::Texture { .. }, None) => Spectrum::Constant(MISSING),
-    };
-    match entry {
-        MaterialEntry::Diffuse { reflectance } => Scattering::Diffuse {
-            reflectance: spectrum(reflectance),
-        },
-        &MaterialEntry::Conductor { eta, k, alpha } => Scattering::Conductor { eta, k, alpha },
-        &MaterialEntry::Dielectric { ior, alpha } => Scattering::Dielectric { ior, alpha },
-        &MaterialEntry::Mirror { reflectance } => Scattering::Mirror { reflectance },
-        MaterialEntry::Plastic {
-            reflectance,
-            specular,
-            alpha,
-        } => Scattering::Plastic {
-            reflectance: spectrum(reflectance),
-            specular: *specular,
-            alpha: *alpha,
-        },
-    }
 }

@@ -4,6 +4,7 @@ mod bitmap;
 mod build;
 mod desc;
 mod environment;
+mod export;
 mod features;
 mod file;
 mod framing;
@@ -20,6 +21,7 @@ mod warnings;
 
 pub use build::{Instancing, Scene, SceneError, SceneOptions, Surface};
 pub use desc::{EnvironmentDesc, Falloff, LightDesc, ObjectDesc, SceneDesc};
+pub use export::{Export, ExportError, ExportFile, SaveError, material_type, save};
 pub use features::SceneFeatures;
 pub use lights::EmissionMaps;
 pub use load::{LoadError, LoadOptions, load};

@@ -12,6 +12,7 @@
 //! lobe at its peak (Walter et al. 2007). `d`, `Tr` and `map_d` are coverage, except for glass.
 
 use super::bitmap::Role;
+use super::file::MAX_RADIANCE;
 use super::obj::{MapKind, MapRef, MtlMaterial};
 use crate::bsdf::PLASTIC_MIN_ALPHA;
 use crate::light::Emission;
@@ -96,7 +97,7 @@ pub(super) fn convert(
     Converted {
         material,
         emission: radiance.map(|radiance| Emission {
-            radiance: radiance.map(|c| c.max(0.0)),
+            radiance: radiance.map(|c| c.clamp(0.0, MAX_RADIANCE as f32)),
             both_sides: true,
         }),
         emission_map: emission_map.map(|map| Spectrum::Bitmap(map, Rgb::WHITE)),

@@ -126,10 +126,15 @@ impl<'a> Table<'a> {
 
     /// The field under `key`.
     pub(super) fn require(&self, key: &'static str) -> Result<Field<'a>> {
-        self.get(key).ok_or_else(|| KeyError {
+        self.get(key).ok_or_else(|| self.missing(key))
+    }
+
+    /// The error of a key that is not there.
+    pub(super) fn missing(&self, key: &str) -> KeyError {
+        KeyError {
             key: self.path_of(key),
             problem: "is missing".into(),
-        })
+        }
     }
 
     /// All entries by name, for tables whose keys are the user's choice.
@@ -179,8 +184,22 @@ impl<'a> Field<'a> {
         }
     }
 
-    fn expected(&self, what: &str) -> KeyError {
+    /// An error about the type.
+    pub(super) fn expected(&self, what: &str) -> KeyError {
         self.error(format!("expected {what}, found {}", kind(self.value)))
+    }
+
+    pub(super) fn is_number(&self) -> bool {
+        self.value.is_number()
+    }
+
+    pub(super) fn is_array(&self) -> bool {
+        self.value.is_array()
+    }
+
+    /// Yes or no.
+    pub(super) fn flag(&self) -> Result<bool> {
+        self.value.as_bool().ok_or_else(|| self.expected("true or false"))
     }
 
     pub(super) fn table(&self) -> Result<Table<'a>> {
@@ -290,6 +309,13 @@ impl<'a> Field<'a> {
         }
         self.numbers::<3>().map(crate::math::Rgb::from)
     }
+}
+
+/// The f64 that is written with the fewest digits among those that become `value` when they are rounded to f32.
+pub(super) fn decimal(value: f32) -> f64 {
+    // The shortest digits of an f32 are read as an f64 first, and rounding twice may end at another f32.
+    let short = value.to_string().parse().unwrap_or(f64::from(value));
+    if short as f32 == value { short } else { value.into() }
 }
 
 /// A number for people, who do not count zeros.

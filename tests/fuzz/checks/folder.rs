@@ -5,11 +5,12 @@ use embrace::accel::{Accel, BuildOptions};
 use embrace::film::Rect;
 use embrace::image::{Image, MAX_PIXELS};
 use embrace::integrator::{KernelChoice, Settings, kernel_for};
-use embrace::material::{General, Material, Scattering, Spectrum};
-use embrace::math::Rgb;
+use embrace::material::{General, Material, Relief, Scattering, Spectrum};
+use embrace::math::{DVec3, Rgb};
 use embrace::render::{ErrorControl, Job, render};
-use embrace::scene::{EnvironmentDesc, LoadOptions, Scene, SceneDesc, SceneOptions, load};
+use embrace::scene::{EnvironmentDesc, Export, LightDesc, LoadOptions, Scene, SceneDesc, SceneOptions, load};
 use embrace::texture::{Texture, TextureMap};
+use std::f64::consts::{FRAC_PI_2, PI};
 use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -84,12 +85,28 @@ fn check_description(desc: &SceneDesc) {
     for (name, material) in &desc.materials {
         assert!(is_sound(material, desc.textures.len()), "{name}: {material:?}");
     }
-    for texture in &desc.textures {
+    // Radiance and heights may exceed 1, everything else may not.
+    let lamps: Vec<u32> = desc.objects.iter().filter_map(|o| o.emission_map?.texture()).collect();
+    let heights = desc.materials.iter().filter_map(|(_, material)| match material.relief {
+        Some(Relief::BumpMap { map, .. }) => Some(map.texture),
+        _ => None,
+    });
+    let heights: Vec<u32> = heights.collect();
+    for (index, texture) in (0..).zip(&desc.textures) {
+        let is_in_range =
+            |p: Rgb| in_unit(p) || lamps.contains(&index) && usable(p) || heights.contains(&index) && p.is_finite();
         match texture {
             Texture::Rgb8(image, _) => assert!(is_whole(image)),
-            Texture::Rgb32(image) => assert!(is_whole(image) && image.pixels.iter().all(|p| in_unit(*p))),
+            Texture::Rgb32(image) => assert!(is_whole(image) && image.pixels.iter().all(|p| is_in_range(*p))),
         }
     }
+    for object in &desc.objects {
+        if let Some(map) = &object.emission_map {
+            assert!(object.emission.is_some() && is_sound_spectrum(map, desc.textures.len(), usable));
+            assert!(!matches!(map, Spectrum::Constant(_)));
+        }
+    }
+    assert!(desc.lights.iter().all(is_sound_light));
     match &desc.environment {
         None => {}
         Some(EnvironmentDesc::Constant(radiance)) => assert!(usable(*radiance)),
@@ -105,20 +122,50 @@ fn check_description(desc: &SceneDesc) {
         }
     }
     assert!(desc.warnings.iter().all(|warning| !warning.trim().is_empty()));
+    // Whatever can be read can be written, but for views from farther away than anything is shown.
+    if let Err(error) = Export::new(desc, "files") {
+        assert!(error.key.starts_with("camera."), "{error}");
+    }
+}
+
+fn is_sound_light(light: &LightDesc) -> bool {
+    let is_direction = |d: &DVec3| d.is_finite() && *d != DVec3::ZERO;
+    match light {
+        LightDesc::Point { position, intensity } => position.is_finite() && usable(*intensity),
+        LightDesc::Spot {
+            position,
+            direction,
+            intensity,
+            angles: [beam, edge],
+            ..
+        } => {
+            let angles = 0.0 <= *beam && beam < edge && *edge <= PI;
+            position.is_finite() && is_direction(direction) && usable(*intensity) && angles
+        }
+        LightDesc::Distant {
+            direction,
+            irradiance,
+            radius,
+        } => is_direction(direction) && usable(*irradiance) && (0.0..FRAC_PI_2).contains(radius),
+    }
+}
+
+/// Whether indices and numbers of a colour are what they may be.
+fn is_sound_spectrum(spectrum: &Spectrum, textures: usize, is_color: fn(Rgb) -> bool) -> bool {
+    let map = |map: &TextureMap| (map.texture as usize) < textures && map.to_uv.is_finite();
+    match spectrum {
+        Spectrum::Constant(rgb) => is_color(*rgb),
+        Spectrum::Bitmap(bitmap, tint) => map(bitmap) && is_color(*tint),
+        Spectrum::Checkerboard(pattern) => pattern.to_uv.is_finite() && pattern.colors.into_iter().all(is_color),
+        Spectrum::VertexColor(bitmap, tint) => bitmap.as_ref().is_none_or(map) && is_color(*tint),
+    }
 }
 
 fn is_sound(material: &Material, textures: usize) -> bool {
     let map = |map: &TextureMap| (map.texture as usize) < textures && map.to_uv.is_finite();
     let unit = |v: f32| (0.0..=1.0).contains(&v);
     let mut spectra = true;
-    material.visit_spectra(&mut |spectrum| {
-        spectra &= match spectrum {
-            Spectrum::Constant(rgb) => in_unit(*rgb),
-            Spectrum::Bitmap(bitmap, tint) => map(bitmap) && in_unit(*tint),
-            Spectrum::Checkerboard(pattern) => pattern.to_uv.is_finite() && pattern.colors.into_iter().all(in_unit),
-            Spectrum::VertexColor(bitmap, tint) => bitmap.as_ref().is_none_or(map) && in_unit(*tint),
-        }
-    });
+    material.visit_spectra(&mut |spectrum| spectra &= is_sound_spectrum(spectrum, textures, in_unit));
     let scattering = match &material.scattering {
         Scattering::Diffuse { .. } => true,
         Scattering::Conductor { eta, k, alpha } => usable(*eta) && usable(*k) && unit(*alpha),

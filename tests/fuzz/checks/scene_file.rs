@@ -10,11 +10,17 @@ const MESH: &str = "mtllib mesh.mtl\nv -1 0 1\nv 1 0 1\nv 1 0 -1\nv -1 0 -1\nv 0
 const LIBRARY: &str =
     "newmtl paint\nKd 0.5 0.4 0.3\nmap_Kd tiles.png\nmap_d tiles.png\nnewmtl glass\nillum 7\nNi 1.5\nKe 1 1 1\n";
 
+const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+    property float u\nproperty float v\nproperty float red\nproperty float green\nproperty float blue\nelement face 1\n\
+    property list uchar uint vertex_indices\nend_header\n-1 0 1 0 0 1 0 0\n1 0 1 1 0 0 1 0\n1 0 -1 1 1 0 0 1\n\
+    -1 0 -1 0 1 1 1 1\n4 0 1 2 3\n";
+
 thread_local! {
-    /// One for all calls: two of its files never change.
+    /// One for all calls: three of its files never change.
     static FOLDER: Folder = {
         let folder = Folder::new();
         folder.write("tiles.png", &tiles());
+        folder.write("mesh.ply", PLY.as_bytes());
         folder.write("sky.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 2\n\x80\x80\x80\x80\x40\x80\xff\x81\x10\x20\x30\x80\xff\x00\x00\x8a");
         folder
     };
