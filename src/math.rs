@@ -2,7 +2,7 @@
 
 use std::ops::{Add, AddAssign, Div, Index, Mul, MulAssign, Sub};
 
-pub use glam::{Affine2, DAffine3, DMat3, DMat4, DVec3, Vec2, Vec3};
+pub use glam::{Affine2, DAffine3, DMat3, DMat4, DQuat, DVec3, Mat2, Vec2, Vec3};
 
 /// Linear Rec. 709 red, green, blue: radiance [W·m⁻²·sr⁻¹] or a reflectance in [0, 1], as the name says.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

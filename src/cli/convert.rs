@@ -1,7 +1,7 @@
 //! `embrace convert`
 
 use super::{ConvertArgs, Failure, output, tell};
-use crate::scene::{self, LoadOptions, SaveError};
+use crate::scene::{self, SaveError};
 
 pub(super) fn run(args: &ConvertArgs) -> Result<(), Failure> {
     if args.output.extension().is_none_or(|e| !e.eq_ignore_ascii_case("toml")) {
@@ -11,11 +11,7 @@ pub(super) fn run(args: &ConvertArgs) -> Result<(), Failure> {
         )));
     }
     output::check_writable(&args.output)?;
-    let options = LoadOptions {
-        strict: args.strict,
-        smooth_angle: args.smooth.smooth_angle,
-    };
-    let desc = scene::load(&args.scene, options).map_err(Failure::input)?;
+    let desc = scene::load(&args.scene, args.load.options(args.strict)).map_err(Failure::input)?;
     if !args.quiet {
         for warning in &desc.warnings {
             tell(format_args!("warning: {warning}"));

@@ -5,7 +5,7 @@ use crate::accel::{Accel, BuildOptions};
 use crate::integrator::{KernelChoice, kernel_for};
 use crate::light::Environment;
 use crate::material::{Back, General, Material, Relief, Scattering};
-use crate::scene::{self, LightDesc, LoadOptions, ObjectDesc, Scene, SceneDesc, SceneOptions};
+use crate::scene::{self, LightDesc, ObjectDesc, Scene, SceneDesc, SceneOptions};
 use crate::texture::{Encoding, Texture};
 use serde::Serialize;
 use std::path::Path;
@@ -77,11 +77,7 @@ pub(super) fn run(args: &InfoArgs) -> Result<(), Failure> {
 }
 
 fn run_on<A: Accel>(args: &InfoArgs) -> Result<(), Failure> {
-    let options = LoadOptions {
-        smooth_angle: args.smooth.smooth_angle,
-        ..LoadOptions::default()
-    };
-    let mut desc = scene::load(&args.scene, options).map_err(Failure::input)?;
+    let mut desc = scene::load(&args.scene, args.load.options(false)).map_err(Failure::input)?;
     let warnings = std::mem::take(&mut desc.warnings);
     let materials = desc.materials.iter().map(|(name, _)| name.clone()).collect();
     let material_details = desc

@@ -5,7 +5,7 @@ use crate::aov::Aov;
 use crate::integrator::{BounceSampling, KernelChoice, Lighting, Roulette, Settings};
 use crate::light::{EnvSampling, LightSampling};
 use crate::sampling::SamplerKind;
-use crate::scene::Instancing;
+use crate::scene::{Instancing, LoadOptions};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::ffi::OsString;
 use std::fmt;
@@ -79,7 +79,7 @@ impl Backend {
 
 #[derive(Debug, Args)]
 struct RenderArgs {
-    /// Scene file: .toml, .json, or an .obj or .ply on its own
+    /// Scene file: .toml, .json, .gltf, .glb, or an .obj or .ply on its own
     scene: PathBuf,
     /// Image to write, .exr or .png; may be repeated
     #[arg(short, long = "output", value_name = "OUT", required = true)]
@@ -137,7 +137,7 @@ struct RenderArgs {
     #[arg(long)]
     strict: bool,
     #[command(flatten)]
-    smooth: SmoothArgs,
+    load: LoadArgs,
     /// Leave the render time out of the EXR, so that equal renders are equal files
     #[arg(long)]
     reproducible: bool,
@@ -145,12 +145,25 @@ struct RenderArgs {
     estimator: EstimatorArgs,
 }
 
-/// What meshes are given that they lack.
+/// How the scene is read.
 #[derive(Debug, Args)]
-struct SmoothArgs {
+struct LoadArgs {
+    /// Camera of a glTF file, by its name or that of its node [default: the first]
+    #[arg(long, value_name = "NAME")]
+    camera: Option<String>,
     /// Smooth meshes that have no normals, but for edges at which faces meet at this angle or more [default: flat faces]
     #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = parse_angle)]
     smooth_angle: Option<f64>,
+}
+
+impl LoadArgs {
+    fn options(&self, strict: bool) -> LoadOptions {
+        LoadOptions {
+            strict,
+            smooth_angle: self.smooth_angle,
+            camera: self.camera.clone(),
+        }
+    }
 }
 
 #[derive(Debug, Args)]
@@ -371,7 +384,7 @@ struct InfoArgs {
     #[arg(long, value_enum, default_value_t = Backend::DEFAULT)]
     backend: Backend,
     #[command(flatten)]
-    smooth: SmoothArgs,
+    load: LoadArgs,
 }
 
 #[derive(Debug, Args)]
@@ -387,7 +400,7 @@ struct ConvertArgs {
     #[arg(long)]
     strict: bool,
     #[command(flatten)]
-    smooth: SmoothArgs,
+    load: LoadArgs,
 }
 
 #[derive(Debug, Args)]

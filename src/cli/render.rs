@@ -17,7 +17,7 @@ use crate::image::exr::{ExrMetadata, Layer};
 use crate::integrator::{Roulette, Settings, kernel_for};
 use crate::math::Rgb;
 use crate::render::{DroppedSamples, Job, RenderReport, Watch, render_watched};
-use crate::scene::{self, LoadOptions, Scene, SceneOptions};
+use crate::scene::{self, Scene, SceneOptions};
 use std::thread;
 use std::time::Instant;
 
@@ -52,11 +52,7 @@ fn run_on<A: Accel>(
         )));
     }
     let start = Instant::now();
-    let options = LoadOptions {
-        strict: args.strict,
-        smooth_angle: args.smooth.smooth_angle,
-    };
-    let mut desc = scene::load(&args.scene, options).map_err(Failure::input)?;
+    let mut desc = scene::load(&args.scene, args.load.options(args.strict)).map_err(Failure::input)?;
     let load_seconds = start.elapsed().as_secs_f64();
     let warnings = std::mem::take(&mut desc.warnings);
     if !args.quiet {

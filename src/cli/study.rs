@@ -11,7 +11,7 @@ use super::{Failure, SOFTWARE, tell, thread_pool};
 use crate::image::display;
 use crate::integrator::Settings;
 use crate::light::EnvSampling;
-use crate::scene::{self, LoadOptions, SceneDesc};
+use crate::scene::{self, SceneDesc};
 use crate::study::cell::{self, Cell, CellKey};
 use crate::study::reference::{self, REPLICATIONS, Reference, Target};
 use crate::study::renderer::{Stop, Workshop, backends};
@@ -65,11 +65,7 @@ pub(super) fn run(args: &StudyArgs) -> Result<u8, Failure> {
 }
 
 fn study(args: &StudyArgs, plan: &Plan, interrupt: &Interrupt) -> Result<(), Ended> {
-    let options = LoadOptions {
-        strict: args.strict,
-        smooth_angle: args.smooth.smooth_angle,
-    };
-    let mut desc = scene::load(&args.scene, options).map_err(Failure::input)?;
+    let mut desc = scene::load(&args.scene, args.load.options(args.strict)).map_err(Failure::input)?;
     if !args.quiet {
         for warning in &desc.warnings {
             tell(format_args!("warning: {warning}"));
@@ -99,7 +95,7 @@ fn study(args: &StudyArgs, plan: &Plan, interrupt: &Interrupt) -> Result<(), End
         resolution: desc.camera.resolution,
         scene_resolution,
         max_depth,
-        smooth_angle: args.smooth.smooth_angle,
+        smooth_angle: args.load.smooth_angle,
         backends: backends
             .iter()
             .map(|b| format!("{} {}", b.name, (b.version)()))

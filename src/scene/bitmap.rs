@@ -20,6 +20,8 @@ pub(super) enum Role {
     Radiance(Option<Encoding>),
     /// Heights of any sign and size, linear unless stated.
     Height(Option<Encoding>),
+    /// The alpha channel, 1 everywhere if there is none. With a threshold it becomes 1 from there on, and 0 below.
+    Alpha(Option<Threshold>),
 }
 
 impl Role {
@@ -27,8 +29,22 @@ impl Role {
         match self {
             Role::Colour(encoding) | Role::Radiance(encoding) => encoding,
             Role::Height(encoding) => encoding.or(Some(Encoding::Linear)),
-            Role::Coverage => None,
+            Role::Coverage | Role::Alpha(_) => None,
         }
+    }
+}
+
+/// A number that can be told from others, in a key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct Threshold(u32);
+
+impl Threshold {
+    pub(super) fn new(value: f32) -> Threshold {
+        Threshold(value.to_bits())
+    }
+
+    fn get(self) -> f32 {
+        f32::from_bits(self.0)
     }
 }
 
@@ -52,9 +68,19 @@ impl Bitmaps {
 /// Decodes a bitmap; with the hash over its file.
 pub(super) fn load_texture(path: &Path, role: Role) -> Result<(Texture, blake3::Hash), LoadError> {
     let bytes = read_file(path)?;
-    let hash = blake3::hash(&bytes);
-    let texture = match (image::read(path, &bytes)?, role) {
+    Ok((decode_texture(path, &bytes, role)?, blake3::hash(&bytes)))
+}
+
+/// Decodes a bitmap that is in memory. `path` is for messages, and for formats that are told by the name.
+pub(super) fn decode_texture(path: &Path, bytes: &[u8], role: Role) -> Result<Texture, LoadError> {
+    Ok(match (image::read(path, bytes)?, role) {
+        (Decoded::Linear(_), Role::Alpha(threshold)) => without_alpha(threshold),
         (Decoded::Linear(image), role) => Texture::Rgb32(sanitise(image, role)),
+        (Decoded::Encoded(LdrImage::Bits8 { alpha: Some(alpha), .. }), Role::Alpha(threshold)) => {
+            let texel = |a| threshold.map_or(a, |least| step(f32::from(a) / 255.0, least));
+            Texture::Rgb8(map_pixels(alpha, |a| [texel(a); 3]), Encoding::Linear)
+        }
+        (Decoded::Encoded(LdrImage::Bits8 { .. }), Role::Alpha(threshold)) => without_alpha(threshold),
         (Decoded::Encoded(LdrImage::Bits8 { alpha: Some(alpha), .. }), Role::Coverage) => {
             Texture::Rgb8(map_pixels(alpha, |a| [a; 3]), Encoding::Linear)
         }
@@ -62,9 +88,13 @@ pub(super) fn load_texture(path: &Path, role: Role) -> Result<(Texture, blake3::
         (Decoded::Encoded(LdrImage::Bits8 { rgb, .. }), role) => {
             Texture::Rgb8(rgb, role.encoding().unwrap_or(Encoding::Srgb))
         }
-        (Decoded::Encoded(LdrImage::Bits16 { alpha: Some(alpha), .. }), Role::Coverage) => {
+        (Decoded::Encoded(LdrImage::Bits16 { alpha: Some(alpha), .. }), Role::Coverage | Role::Alpha(None)) => {
             Texture::Rgb32(map_pixels(alpha, Rgb::splat))
         }
+        (Decoded::Encoded(LdrImage::Bits16 { alpha: Some(alpha), .. }), Role::Alpha(Some(least))) => {
+            Texture::Rgb8(map_pixels(alpha, |a| [step(a, least); 3]), Encoding::Linear)
+        }
+        (Decoded::Encoded(LdrImage::Bits16 { .. }), Role::Alpha(threshold)) => without_alpha(threshold),
         (Decoded::Encoded(LdrImage::Bits16 { rgb, .. }), role) => {
             // Sixteen bits are linear unless the scene says otherwise: the default of sRGB is for eight.
             let srgb = role.encoding() == Some(Encoding::Srgb);
@@ -72,8 +102,17 @@ pub(super) fn load_texture(path: &Path, role: Role) -> Result<(Texture, blake3::
                 Rgb::from(if srgb { c.map(srgb_decode) } else { c })
             }))
         }
-    };
-    Ok((texture, hash))
+    })
+}
+
+fn step(alpha: f32, least: Threshold) -> u8 {
+    if alpha >= least.get() { u8::MAX } else { 0 }
+}
+
+/// One texel is all that an image without alpha has to say of it.
+fn without_alpha(threshold: Option<Threshold>) -> Texture {
+    let texel = threshold.map_or(u8::MAX, |least| step(1.0, least));
+    Texture::Rgb8(Image::filled(1, 1, [texel; 3]), Encoding::Linear)
 }
 
 fn map_pixels<T, U>(image: Image<T>, f: impl Fn(T) -> U) -> Image<U> {
@@ -87,7 +126,7 @@ fn map_pixels<T, U>(image: Image<T>, f: impl Fn(T) -> U) -> Image<U> {
 /// Numbers from a file of unlimited range: NaN becomes 0, and what is beyond the range of the role its end.
 fn sanitise(image: Image<Rgb>, role: Role) -> Image<Rgb> {
     let (low, high) = match role {
-        Role::Colour(_) | Role::Coverage => (0.0, 1.0),
+        Role::Colour(_) | Role::Coverage | Role::Alpha(_) => (0.0, 1.0),
         Role::Radiance(_) => (0.0, 1e30),
         Role::Height(_) => (-1e18, 1e18),
     };

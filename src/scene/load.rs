@@ -5,6 +5,7 @@ use super::desc::{ObjectDesc, SceneDesc};
 use super::environment::load_environment;
 use super::file::{self, EnvironmentEntry, MeshEntry, SceneFile};
 use super::framing::framing;
+use super::gltf;
 use super::input::{open, read_bytes, read_file};
 use super::obj::{self, MapKind, MtlMaterial, ObjError, ObjPart, ObjScene};
 use super::obj_material::{self, Converted};
@@ -26,13 +27,15 @@ use std::sync::Arc;
 use thiserror::Error;
 
 /// How to read.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct LoadOptions {
     /// Whether what would be a warning is an error.
     pub strict: bool,
     /// Angle at an edge [degrees], below which faces of meshes without normals are smoothed: [`TriangleMesh::smooth`]. `None`
     /// leaves them flat.
     pub smooth_angle: Option<f64>,
+    /// Name of the camera of a glTF file, or of its node; without, the first one. Other formats have one camera.
+    pub camera: Option<String>,
 }
 
 /// Why a scene cannot be read. Every message names the file.
@@ -47,7 +50,7 @@ pub enum LoadError {
         source: io::Error,
     },
     /// The extension is none of a scene.
-    #[error("{}: not a scene; expected a .toml, .json, .obj or .ply file", .0.display())]
+    #[error("{}: not a scene; expected a .toml, .json, .gltf, .glb, .obj or .ply file", .0.display())]
     Format(PathBuf),
     /// The scene file is not well-formed.
     #[error("{}: {message}", path.display())]
@@ -81,7 +84,7 @@ pub enum LoadError {
     Strict(String),
 }
 
-/// Reads a scene file (`.toml`, `.json`) or a mesh on its own (`.obj`, `.ply`: the camera frames its bounds, under a constant
+/// Reads a scene file (`.toml`, `.json`, `.gltf`, `.glb`) or a mesh on its own (`.obj`, `.ply`: the camera frames its bounds, under a constant
 /// environment of radiance 1). Files are read in parallel on the current rayon pool.
 ///
 /// # Errors
@@ -94,6 +97,14 @@ pub fn load(path: &Path, options: LoadOptions) -> Result<SceneDesc, LoadError> {
         .unwrap_or("")
         .to_ascii_lowercase();
     let mut desc = match extension.as_str() {
+        "gltf" | "glb" => gltf::load(path, options.camera.as_deref())?,
+        _ if options.camera.is_some() => {
+            return Err(LoadError::Key {
+                path: path.to_owned(),
+                key: "--camera".into(),
+                problem: "names a camera of a glTF file; other scenes have one camera".into(),
+            });
+        }
         "toml" | "json" => load_scene_file(path, extension == "toml")?,
         "obj" | "ply" => load_mesh_alone(path)?,
         _ => return Err(LoadError::Format(path.to_owned())),

@@ -8,6 +8,7 @@ mod export;
 mod features;
 mod file;
 mod framing;
+mod gltf;
 mod input;
 mod lights;
 mod load;

@@ -1,6 +1,6 @@
 //! What the command line of a study says.
 
-use crate::cli::{Backend, Failure, SOFTWARE, SmoothArgs, parse_exposure, parse_resolution};
+use crate::cli::{Backend, Failure, LoadArgs, SOFTWARE, parse_exposure, parse_resolution};
 use crate::study::cell::FEWEST_SEEDS;
 use crate::study::quoted;
 use crate::study::setting::{Group, Setting};
@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 #[derive(Debug, Args)]
 pub(in crate::cli) struct StudyArgs {
-    /// Scene file: .toml, .json, or an .obj or .ply on its own
+    /// Scene file: .toml, .json, .gltf, .glb, or an .obj or .ply on its own
     pub(super) scene: PathBuf,
     /// Folder for the report and for what is finished [default: study-NAME]
     #[arg(short, long = "output", value_name = "DIR")]
@@ -67,7 +67,7 @@ pub(in crate::cli) struct StudyArgs {
     #[arg(long)]
     pub(super) strict: bool,
     #[command(flatten)]
-    pub(super) smooth: SmoothArgs,
+    pub(super) load: LoadArgs,
 }
 
 fn parse_seconds(text: &str) -> Result<f64, String> {
@@ -189,13 +189,16 @@ impl Plan {
         }
         add(format!("--max-spp {} --cell-time {}", self.max_spp, self.cell_seconds));
         add(format!("--seeds {} --seed {}", self.seeds, args.seed));
+        if let Some(name) = &args.load.camera {
+            add(format!("--camera {}", quoted(name)));
+        }
         if let Some([width, height]) = self.resolution {
             add(format!("--resolution {width}x{height}"));
         }
         if let Some(depth) = args.max_depth {
             add(format!("--max-depth {depth}"));
         }
-        if let Some(degrees) = args.smooth.smooth_angle {
+        if let Some(degrees) = args.load.smooth_angle {
             add(format!("--smooth-angle {degrees}"));
         }
         if let Some(threads) = args.threads {
