@@ -276,7 +276,7 @@ impl<const F: u32> Shading<'_, F> {
             if Self::PUNCTUAL
                 && let Some(factor) = self.scene.emission_at(hit)
             {
-                radiance = radiance * factor;
+                radiance *= factor;
             }
             if radiance.is_black() || vertices.is_plain[i] == 0 {
                 continue;

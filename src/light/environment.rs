@@ -97,13 +97,13 @@ struct Turn {
 
 impl Turn {
     #[inline(always)]
-    fn to_world(&self, wi: Vec3) -> Vec3 {
+    fn to_world(self, wi: Vec3) -> Vec3 {
         let [x, y, z] = self.to_world;
         x * wi.x + y * wi.y + z * wi.z
     }
 
     #[inline(always)]
-    fn to_map(&self, wi: Vec3) -> Vec3 {
+    fn to_map(self, wi: Vec3) -> Vec3 {
         let [x, y, z] = self.to_map;
         x * wi.x + y * wi.y + z * wi.z
     }

@@ -114,8 +114,8 @@ pub enum SceneError {
         /// What is wrong.
         problem: &'static str,
     },
-    /// More placements or triangles than 32-bit indices can name.
-    #[error("the scene has more than 2^32 {0}")]
+    /// More placements, triangles or emitters than 32-bit indices can name.
+    #[error("the scene has more {0} than 32-bit indices can name")]
     TooMany(&'static str),
 }
 
