@@ -4,7 +4,10 @@
 
 mod support;
 
-use embrace::bsdf::{Bsdf, Conductor, Dielectric, Diffuse, Plastic};
+use embrace::bsdf::{
+    Bsdf, CoatTable, CoatedDiffuse, Conductor, Dielectric, Diffuse, Distribution, Plastic, PrincipledBsdf, RoughGlass,
+    RoughMetal,
+};
 use embrace::light::{Emission, EnvSampling, Environment, LightSamplerBuilder, LightSampling};
 use embrace::math::{DVec3, Rgb, Vec3};
 use embrace::sampling::{Sampler, SamplerKind, warp};
@@ -370,13 +373,109 @@ fn bsdfs() -> Vec<(String, Bsdf, f64)> {
         };
         all.push((format!("plastic {alpha}"), Bsdf::Plastic(plastic), alpha.into()));
     }
+    all.extend(imported_bsdfs());
+    all
+}
+
+/// Those that other renderers' scenes ask for.
+fn imported_bsdfs() -> Vec<(String, Bsdf, f64)> {
+    use Distribution::{Beckmann, Ggx};
+    let mut all = Vec::new();
+    let tangent = [0.8, 0.6];
+    for (distribution, alpha) in [
+        (Ggx, [0.1, 0.5]),
+        (Ggx, [1.0, 1.0]),
+        (Beckmann, [0.05, 0.05]),
+        (Beckmann, [0.6, 0.15]),
+        (Beckmann, [1.0, 1.0]),
+    ] {
+        let metal = RoughMetal {
+            eta: Rgb::new(0.2, 0.9, 1.1),
+            k: Rgb::new(3.9, 2.4, 2.2),
+            reflectance: Rgb::new(1.0, 0.9, 0.8),
+            alpha,
+            distribution,
+            tangent,
+        };
+        let width = f64::from(alpha[0].min(alpha[1]));
+        all.push((
+            format!("rough metal {distribution:?} {alpha:?}"),
+            Bsdf::RoughMetal(metal),
+            width,
+        ));
+        for eta in [1.5f32, 1.0 / 1.5] {
+            let glass = RoughGlass {
+                eta,
+                reflectance: Rgb::new(1.0, 0.9, 0.8),
+                transmittance: Rgb::new(0.6, 0.8, 1.0),
+                alpha,
+                distribution,
+                tangent,
+            };
+            let name = format!("rough glass {distribution:?} {alpha:?}, eta {eta:.3}");
+            all.push((name, Bsdf::RoughGlass(glass), width));
+        }
+    }
+    for (distribution, alpha, nonlinear) in [(Ggx, 0.1, false), (Beckmann, 0.4, true)] {
+        let coated = CoatedDiffuse {
+            reflectance: Rgb::new(0.7, 0.4, 0.1),
+            specular: Rgb::new(1.0, 0.9, 0.8),
+            coat: CoatTable::of(1.5, alpha, distribution),
+            nonlinear,
+        };
+        let name = format!("coated {distribution:?} {alpha}");
+        all.push((name, Bsdf::CoatedDiffuse(coated), alpha.into()));
+    }
+    for (name, metallic, spec_trans, clearcoat, eta) in [
+        ("opaque", 0.0, 0.0, 0.0, 1.5f32),
+        ("metal", 1.0, 0.0, 0.0, 1.5),
+        ("glass", 0.0, 1.0, 0.0, 1.5),
+        ("glass from inside", 0.0, 1.0, 0.5, 1.0 / 1.5),
+        ("all", 0.3, 0.5, 1.0, 1.5),
+        ("all from inside", 0.3, 0.5, 1.0, 1.0 / 1.5),
+    ] {
+        let principled = PrincipledBsdf {
+            base_color: Rgb::new(0.6, 0.4, 0.1),
+            roughness: 0.5,
+            anisotropic: 0.7,
+            metallic,
+            spec_trans,
+            eta,
+            spec_tint: 0.3,
+            sheen: 0.4,
+            sheen_tint: 0.5,
+            flatness: 0.3,
+            clearcoat,
+            clearcoat_gloss: 0.2,
+            front: eta > 1.0,
+            tangent,
+        };
+        // The width of the coat.
+        all.push((format!("principled {name}"), Bsdf::Principled(principled), 0.08));
+    }
     all
 }
 
 fn ior(bsdf: &Bsdf) -> f64 {
     match bsdf {
         Bsdf::Dielectric(d) => d.eta.into(),
+        Bsdf::RoughGlass(g) => g.eta.into(),
+        Bsdf::Principled(p) if bsdf.transmits() => p.eta.into(),
         _ => 1.0,
+    }
+}
+
+/// The same surface from its other side.
+fn turned_over(bsdf: &Bsdf) -> Bsdf {
+    match *bsdf {
+        Bsdf::Dielectric(d) => Bsdf::Dielectric(Dielectric { eta: 1.0 / d.eta, ..d }),
+        Bsdf::RoughGlass(g) => Bsdf::RoughGlass(RoughGlass { eta: 1.0 / g.eta, ..g }),
+        Bsdf::Principled(p) => Bsdf::Principled(PrincipledBsdf {
+            eta: 1.0 / p.eta,
+            front: !p.front,
+            ..p
+        }),
+        other => other,
     }
 }
 
@@ -536,13 +635,12 @@ fn scattering_is_reciprocal() {
             let there = bsdf.eval(wo, wi).value / wi.z.abs();
             // Seen from the other side the surface is turned over and its index inverted; radiance over the square of
             // the index is what stays.
-            let (back, scale) = match bsdf {
-                Bsdf::Dielectric(d) if wi.z < 0.0 => {
-                    let turned = Bsdf::Dielectric(Dielectric { eta: 1.0 / d.eta, ..d });
-                    let flip = |w: Vec3| Vec3::new(w.x, w.y, -w.z);
-                    (turned.eval(flip(wi), flip(wo)).value / wo.z, d.eta * d.eta)
-                }
-                _ => (bsdf.eval(wi, wo).value / wo.z, 1.0),
+            let (back, scale) = if wi.z < 0.0 {
+                let flip = |w: Vec3| Vec3::new(w.x, w.y, -w.z);
+                let eta = ior(&bsdf) as f32;
+                (turned_over(&bsdf).eval(flip(wi), flip(wo)).value / wo.z, eta * eta)
+            } else {
+                (bsdf.eval(wi, wo).value / wo.z, 1.0)
             };
             let (a, b) = (there.g * scale, back.g);
             assert!((a - b).abs() <= 5e-3 * a.max(b), "{name}: {wo} {wi}: {a} and {b}");
@@ -572,6 +670,52 @@ fn extreme_inputs_give_finite_samples() {
         all.push((format!("conductor {alpha}"), Bsdf::Conductor(conductor), 1.0));
     }
     all.push(("mirror".to_owned(), Bsdf::Mirror(Rgb::WHITE), 1.0));
+    for (name, bsdf, _) in imported_bsdfs() {
+        // As narrow as they get, and between media of one index.
+        for (alpha, ior) in [(0.0, 1.5), (1e-4, 1.5), (1e-3, 1.0), (1.0, 1.0)] {
+            let extreme = match bsdf {
+                Bsdf::RoughMetal(m) => Bsdf::RoughMetal(RoughMetal {
+                    alpha: [alpha, 1.0],
+                    ..m
+                }),
+                Bsdf::RoughGlass(g) => Bsdf::RoughGlass(RoughGlass {
+                    alpha: [alpha, 1e-4],
+                    eta: if g.eta > 1.0 { ior } else { 1.0 / ior },
+                    ..g
+                }),
+                Bsdf::CoatedDiffuse(c) => Bsdf::CoatedDiffuse(CoatedDiffuse {
+                    coat: CoatTable::of(ior, alpha, c.coat.distribution),
+                    ..c
+                }),
+                Bsdf::Principled(p) => Bsdf::Principled(PrincipledBsdf {
+                    roughness: alpha,
+                    anisotropic: 1.0,
+                    clearcoat_gloss: 1.0,
+                    eta: if p.front { ior } else { 1.0 / ior },
+                    ..p
+                }),
+                other => other,
+            };
+            all.push((format!("{name}, alpha {alpha}, ior {ior}"), extreme, 1.0));
+        }
+    }
+    let black = PrincipledBsdf {
+        base_color: Rgb::BLACK,
+        roughness: 0.0,
+        anisotropic: 0.0,
+        metallic: 1.0,
+        spec_trans: 0.0,
+        eta: 1.5,
+        spec_tint: 0.0,
+        sheen: 0.0,
+        sheen_tint: 0.0,
+        flatness: 0.0,
+        clearcoat: 0.0,
+        clearcoat_gloss: 0.0,
+        front: true,
+        tangent: [1.0, 0.0],
+    };
+    all.push(("black metal".to_owned(), Bsdf::Principled(black), 1.0));
     for (name, bsdf, _) in all {
         for cos in [1e-30f32, 1e-10, 1e-7, 1e-4, 1e-3, 0.5, below_one, 1.0] {
             let wo = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
@@ -579,7 +723,7 @@ fn extreme_inputs_give_finite_samples() {
                 for (u, v) in numbers.iter().flat_map(|&u| numbers.map(|v| (u, v))) {
                     let context = || format!("{name}: cos {cos:e}, lobe {lobe:e}, u ({u:e}, {v:e})");
                     let mut samples = vec![bsdf.sample(wo, lobe, [u, v])];
-                    if !bsdf.is_delta() {
+                    if !bsdf.has_delta() {
                         samples.push(bsdf.sample_hemisphere(wo, true, lobe, [u, v]));
                         samples.push(bsdf.sample_hemisphere(wo, false, lobe, [u, v]));
                     }

@@ -230,3 +230,86 @@ impl CoatedDiffuse {
         coat + self.base() * (self.coat.transmittance(1.0) * self.coat.mean_transmittance)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Bsdf;
+    use super::super::tests::{REFLECTED, assert_values, mean_weight};
+    use super::*;
+
+    fn coated(reflectance: Rgb, specular: Rgb, coat: &'static CoatTable, nonlinear: bool) -> CoatedDiffuse {
+        CoatedDiffuse {
+            reflectance,
+            specular,
+            coat,
+            nonlinear,
+        }
+    }
+
+    /// `plastic` and `roughplastic` of Mitsuba 3.9.1, int_ior 1.49, alpha 0.2, then with nonlinear = true. The latter two
+    /// differ by the quadrature of what passes the coat, by up to 0.17 % at indices up to 2.4.
+    #[test]
+    fn values_are_those_of_mitsuba() {
+        let (base, specular) = (Rgb::new(0.7, 0.4, 0.1), Rgb::new(0.9, 0.8, 0.7));
+        let check = |alpha, distribution, nonlinear, values: [[f32; 3]; 2], tolerance| {
+            let coat = CoatTable::of(1.49, alpha, distribution);
+            let bsdf = Bsdf::CoatedDiffuse(coated(base, specular, coat, nonlinear));
+            assert_values(&bsdf, &REFLECTED, &values, tolerance);
+        };
+        use Distribution::{Beckmann, Ggx};
+        let linear = [[0.194801, 0.111315, 0.0278287], [0.115302, 0.065887, 0.0164718]];
+        let nonlinear = [[0.135937, 0.0596531, 0.0121044], [0.0804612, 0.0353086, 0.00716459]];
+        check(0.0, Ggx, false, linear, 1e-5);
+        check(0.0, Ggx, true, nonlinear, 1e-5);
+        let linear = [[0.200842, 0.130407, 0.0599712], [0.109089, 0.0648737, 0.0206581]];
+        let nonlinear = [[0.167946, 0.0995153, 0.05014], [0.0871483, 0.0442699, 0.014101]];
+        check(0.2, Ggx, false, linear, 1.5e-3);
+        check(0.2, Ggx, true, nonlinear, 1.5e-3);
+        let linear = [[0.23985, 0.15639, 0.0729306], [0.11475, 0.0655846, 0.0164195]];
+        let nonlinear = [[0.191085, 0.112594, 0.0594037], [0.0834914, 0.037511, 0.00774869]];
+        check(0.2, Beckmann, false, linear, 1.5e-3);
+        check(0.2, Beckmann, true, nonlinear, 1.5e-3);
+    }
+
+    #[test]
+    fn a_coat_has_one_table() {
+        let of = CoatTable::of(1.37, 0.0, Distribution::Ggx);
+        assert!(std::ptr::eq(of, CoatTable::of(1.37, 0.0, Distribution::Ggx)));
+        assert!(!std::ptr::eq(of, CoatTable::of(1.38, 0.0, Distribution::Ggx)));
+    }
+
+    #[test]
+    fn a_narrow_coat_passes_what_a_smooth_one_does() {
+        let smooth = CoatTable::of(1.5, 0.0, Distribution::Ggx);
+        for distribution in [Distribution::Ggx, Distribution::Beckmann] {
+            let narrow = CoatTable::of(1.5, 1e-3, distribution);
+            for i in 5..=63u32 {
+                let cos = i as f32 / 63.0;
+                let (a, b) = (narrow.transmittance(cos), smooth.transmittance(cos));
+                assert!((a - b).abs() < 2e-3, "{distribution:?}, cos {cos}: {a} for {b}");
+            }
+            // The plain mean is below the integral by its weight of the ends.
+            let (a, b) = (narrow.internal_reflectance, smooth.internal_reflectance);
+            assert!((0.97..1.0).contains(&(a / b)), "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn white_under_clear_glass_is_white_or_darker() {
+        for ior in [1.1, 1.49, 2.5] {
+            for cos in [1.0f32, 0.6, 0.2, 0.05] {
+                let wo = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
+                for (alpha, least) in [(0.0, 0.997), (0.05, 0.7), (0.3, 0.3), (1.0, 0.1)] {
+                    let coat = CoatTable::of(ior, alpha, Distribution::Ggx);
+                    let white = coated(Rgb::WHITE, Rgb::WHITE, coat, true);
+                    let [sent, ..] = mean_weight(&Bsdf::CoatedDiffuse(white), wo);
+                    assert!(
+                        // The fit of the smooth coat gives 0.12 % too much, the midpoint rule a little.
+                        sent > least && sent < 1.003,
+                        "ior {ior}, alpha {alpha}, cos {cos}: {sent}"
+                    );
+                }
+            }
+        }
+    }
+}

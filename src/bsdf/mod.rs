@@ -292,8 +292,53 @@ fn reflect_z(w: Vec3) -> Vec3 {
 mod tests {
     use super::*;
 
+    /// Panics unless a pair of directions of any length has these values, to a share of them.
+    #[track_caller]
+    pub(super) fn assert_values(bsdf: &Bsdf, pairs: &[[[f32; 3]; 2]], values: &[[f32; 3]], tolerance: f32) {
+        assert_eq!(pairs.len(), values.len());
+        for (pair, value) in pairs.iter().zip(values) {
+            let [wo, wi] = pair.map(|w| Vec3::from(w).normalize());
+            let got = bsdf.eval(wo, wi).value.to_array();
+            for (got, value) in got.into_iter().zip(value) {
+                assert!(
+                    (got - value).abs() <= tolerance * value,
+                    "{bsdf:?} {wo} {wi}: {got} for {value}"
+                );
+            }
+        }
+    }
+
     /// The midpoint rule over the random numbers of a sample; light is transmitted before it is scaled by the change of
     /// solid angle.
+    pub(super) fn mean_weight(bsdf: &Bsdf, wo: Vec3) -> [f64; 3] {
+        const LOBES: u32 = 4;
+        const SIDE: u32 = 256;
+        let middle = |i: u32| (i as f32 + 0.5) / SIDE as f32;
+        let mut sum = [0.0; 3];
+        for i in 0..LOBES * SIDE * SIDE {
+            // Not on a grid: the probability of a lobe would be rounded to its cells.
+            let shift = (i % (SIDE * SIDE)) as f32 * 0.618_034;
+            let lobe = ((i / (SIDE * SIDE)) as f32 + shift.fract()) / LOBES as f32;
+            let u = [i / SIDE % SIDE, i % SIDE].map(middle);
+            if let Some(sample) = bsdf.sample(wo, lobe, u) {
+                let weight = sample.weight * sample.eta_squared;
+                sum = [0, 1, 2].map(|c| sum[c] + f64::from(weight[c]));
+            }
+        }
+        sum.map(|sum| sum / f64::from(LOBES * SIDE * SIDE))
+    }
+
+    /// Two pairs of directions on the same side.
+    pub(super) const REFLECTED: [[[f32; 3]; 2]; 2] = [
+        [[0.3, -0.2, 0.8], [-0.4, 0.1, 0.7]],
+        [[0.9, 0.1, 0.2], [-0.5, 0.3, 0.6]],
+    ];
+    /// Two on opposite sides.
+    pub(super) const TRANSMITTED: [[[f32; 3]; 2]; 2] = [
+        [[0.3, -0.2, 0.8], [-0.3, 0.1, -0.9]],
+        [[0.9, 0.1, 0.2], [-0.6, 0.2, -0.7]],
+    ];
+
     #[test]
     fn the_albedo_is_the_mean_weight_of_samples_at_normal_incidence() {
         let rgb = Rgb::new(0.2, 0.5, 0.9);
@@ -302,6 +347,32 @@ mod tests {
             Bsdf::Conductor(Conductor { eta, k, alpha })
         };
         let glass = |eta, alpha| Bsdf::Dielectric(Dielectric { eta, alpha });
+        let coated = |alpha, nonlinear| {
+            Bsdf::CoatedDiffuse(CoatedDiffuse {
+                reflectance: rgb,
+                specular: Rgb::new(0.9, 0.2, 0.3),
+                coat: CoatTable::of(1.5, alpha, Distribution::Ggx),
+                nonlinear,
+            })
+        };
+        let principled = |metallic, spec_trans, clearcoat, flatness| {
+            Bsdf::Principled(PrincipledBsdf {
+                base_color: rgb,
+                roughness: 0.1,
+                anisotropic: 0.3,
+                metallic,
+                spec_trans,
+                eta: 1.5,
+                spec_tint: 0.4,
+                sheen: 0.2,
+                sheen_tint: 0.5,
+                flatness,
+                clearcoat,
+                clearcoat_gloss: 0.8,
+                front: true,
+                tangent: [0.6, 0.8],
+            })
+        };
         for bsdf in [
             Bsdf::Diffuse(Diffuse { reflectance: rgb }),
             metal(0.0),
@@ -314,21 +385,37 @@ mod tests {
                 specular: Rgb::new(0.04, 0.3, 0.5),
                 alpha: PLASTIC_MIN_ALPHA,
             }),
+            Bsdf::RoughMetal(RoughMetal {
+                eta: Rgb::new(0.183, 0.421, 1.373),
+                k: Rgb::new(3.424, 2.346, 1.770),
+                reflectance: rgb,
+                alpha: [0.01, 0.02],
+                distribution: Distribution::Beckmann,
+                tangent: [0.6, 0.8],
+            }),
+            Bsdf::RoughGlass(RoughGlass {
+                eta: 1.0 / 1.5,
+                reflectance: rgb,
+                transmittance: Rgb::new(0.9, 0.2, 0.3),
+                alpha: [0.01, 0.02],
+                distribution: Distribution::Ggx,
+                tangent: [0.6, 0.8],
+            }),
+            Bsdf::ThinGlass(ThinGlass {
+                ior: 1.5,
+                reflectance: rgb,
+                transmittance: Rgb::new(0.9, 0.2, 0.3),
+            }),
+            coated(0.0, false),
+            coated(0.0, true),
+            coated(0.01, true),
+            principled(0.0, 0.5, 0.0, 0.0),
+            principled(0.0, 0.0, 1.0, 0.0),
+            principled(0.6, 0.5, 0.0, 1.0),
         ] {
-            const LOBES: u32 = 256;
-            const SIDE: u32 = 64;
-            let middle = |i: u32, n: u32| (i as f32 + 0.5) / n as f32;
-            let mut sum = [0.0f64; 3];
-            for i in 0..LOBES * SIDE * SIDE {
-                let lobe = middle(i / (SIDE * SIDE), LOBES);
-                let u = [i / SIDE % SIDE, i % SIDE].map(|i| middle(i, SIDE));
-                if let Some(sample) = bsdf.sample(Vec3::Z, lobe, u) {
-                    let weight = sample.weight * sample.eta_squared;
-                    sum = [0, 1, 2].map(|c| sum[c] + f64::from(weight[c]));
-                }
-            }
-            for (c, sum) in sum.into_iter().enumerate() {
-                let (mean, albedo) = (sum / f64::from(LOBES * SIDE * SIDE), f64::from(bsdf.albedo()[c]));
+            let mean = mean_weight(&bsdf, Vec3::Z);
+            for (c, mean) in mean.into_iter().enumerate() {
+                let albedo = f64::from(bsdf.albedo()[c]);
                 assert!(
                     (mean - albedo).abs() < 2e-3,
                     "{bsdf:?}, channel {c}: {albedo} for {mean}"

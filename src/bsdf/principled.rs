@@ -2,9 +2,12 @@
 //! "Extending the Disney BRDF to a BSDF with Integrated Subsurface Scattering", 2015).
 //!
 //! A diffuse part with retro-reflection and sheen, GGX facets that reflect as metal and as a dielectric and transmit as
-//! tinted glass, and a coat. Their sum is Burley's: what the facets reflect is not taken from the diffuse part, so that a
-//! white one sends on more than it gets: TODO.
-//! The directions are sampled by densities of our own.
+//! tinted glass, and a coat. What facets reflect and transmit is at most what they get. But the sum is Burley's: neither what
+//! they reflect nor the coat's part, of at most 3.5 %, is taken from what is below. A white diffuse base of index 1.5 and
+//! roughness 0.5 so sends on 1.043 times what it gets along the normal, 1.060 at 53 degrees, 1.154 at 78, and 1.067 of light
+//! from all sides; colours below 0.9 stay below 1 but for grazing angles. It is left so, because imported scenes are to look
+//! as they did.
+//! Directions are sampled by densities of our own.
 
 use super::dielectric::{Facet, fresnel_dielectric, radiance_scale};
 use super::smith::{Smith, into_frame, out_of_frame};
@@ -315,5 +318,140 @@ impl Gtr1 {
         let (sin_phi, cos_phi) = sin_cos_turns(v);
         let sin = sin2.sqrt();
         Vec3::new(sin * cos_phi, sin * sin_phi, (1.0 - sin2).sqrt())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Bsdf;
+    use super::super::tests::{REFLECTED, TRANSMITTED, assert_values, mean_weight};
+    use super::*;
+
+    const PLAIN: PrincipledBsdf = PrincipledBsdf {
+        base_color: Rgb::new(0.7, 0.4, 0.1),
+        roughness: 0.5,
+        anisotropic: 0.0,
+        metallic: 0.0,
+        spec_trans: 0.0,
+        // Of Mitsuba's `specular` 0.5.
+        eta: 1.5,
+        spec_tint: 0.0,
+        sheen: 0.0,
+        sheen_tint: 0.0,
+        flatness: 0.0,
+        clearcoat: 0.0,
+        clearcoat_gloss: 0.0,
+        front: true,
+        tangent: [1.0, 0.0],
+    };
+
+    const ALL: PrincipledBsdf = PrincipledBsdf {
+        roughness: 0.4,
+        anisotropic: 0.6,
+        metallic: 0.3,
+        spec_trans: 0.4,
+        eta: 1.4,
+        spec_tint: 0.5,
+        sheen: 0.8,
+        sheen_tint: 0.3,
+        flatness: 0.25,
+        clearcoat: 0.7,
+        clearcoat_gloss: 0.2,
+        ..PLAIN
+    };
+
+    /// `principled` of Mitsuba 3.9.1 with these parameters, and with none but the colour.
+    #[test]
+    fn values_are_those_of_mitsuba() {
+        let plain = [[0.234224, 0.151942, 0.0696597], [0.162538, 0.098009, 0.0334799]];
+        assert_values(&Bsdf::Principled(PLAIN), &REFLECTED, &plain, 1e-3);
+        let reflected = [[0.49723, 0.300912, 0.104593], [0.0846602, 0.0515189, 0.0183775]];
+        let transmitted = [[0.604383, 0.456871, 0.228435], [0.000554148, 0.000418897, 0.000209448]];
+        // The weights of luminance have one digit less here.
+        assert_values(&Bsdf::Principled(ALL), &REFLECTED, &reflected, 1e-3);
+        assert_values(&Bsdf::Principled(ALL), &TRANSMITTED, &transmitted, 1e-3);
+        let inside = PrincipledBsdf {
+            eta: 1.0 / 1.4,
+            front: false,
+            ..ALL
+        };
+        let pairs = [REFLECTED[0], TRANSMITTED[0]];
+        let values = [[0.0153825; 3], [0.0476024, 0.035984, 0.017992]];
+        assert_values(&Bsdf::Principled(inside), &pairs, &values, 1e-3);
+    }
+
+    fn furnace(bsdf: &PrincipledBsdf, cos: f32) -> f64 {
+        let wo = Vec3::new((1.0 - cos * cos).sqrt(), 0.0, cos);
+        mean_weight(&Bsdf::Principled(*bsdf), wo)[1]
+    }
+
+    #[test]
+    fn white_metal_and_white_glass_send_on_no_more_than_they_get_and_all_of_it_where_smooth() {
+        let metal = PrincipledBsdf {
+            base_color: Rgb::WHITE,
+            metallic: 1.0,
+            ..PLAIN
+        };
+        let glass = PrincipledBsdf {
+            base_color: Rgb::WHITE,
+            spec_trans: 1.0,
+            ..PLAIN
+        };
+        let inside = PrincipledBsdf {
+            eta: 1.0 / 1.5,
+            front: false,
+            ..glass
+        };
+        for (name, bsdf) in [("metal", metal), ("glass", glass), ("inside", inside)] {
+            for cos in [1.0, 0.7, 0.3, 0.1] {
+                for (roughness, least) in [(0.0, 0.998), (0.2, 0.9), (0.5, 0.7), (1.0, 0.2)] {
+                    let sent = furnace(&PrincipledBsdf { roughness, ..bsdf }, cos);
+                    assert!(
+                        sent > least && sent < 1.0 + 1e-3,
+                        "{name} of roughness {roughness} at cos {cos}: {sent}"
+                    );
+                }
+            }
+        }
+    }
+
+    /// By the published formulas, in f64 and by another program.
+    #[test]
+    fn white_plastic_gains_what_the_module_says() {
+        let white = PrincipledBsdf {
+            base_color: Rgb::WHITE,
+            ..PLAIN
+        };
+        for (cos, expected) in [(1.0, 1.043), (0.6, 1.060), (0.2, 1.154)] {
+            let sent = furnace(&white, cos);
+            assert!((sent - expected).abs() < 5e-3, "cos {cos}: {sent} for {expected}");
+        }
+    }
+
+    #[test]
+    fn what_is_opaque_is_black_from_behind() {
+        let behind = PrincipledBsdf {
+            front: false,
+            eta: 1.0 / 1.5,
+            ..PLAIN
+        };
+        assert!(Bsdf::Principled(behind).is_black() && !Bsdf::Principled(PLAIN).is_black());
+        for lobe in [0.0, 0.5, 0.99] {
+            assert_eq!(behind.sample(Vec3::new(0.6, 0.0, 0.8), lobe, [0.3, 0.6]), None);
+        }
+    }
+
+    #[test]
+    fn highlights_are_wide_along_the_tangent() {
+        let metal = PrincipledBsdf {
+            metallic: 1.0,
+            roughness: 0.3,
+            anisotropic: 1.0,
+            tangent: [0.6, 0.8],
+            ..PLAIN
+        };
+        let along = metal.eval(Vec3::Z, Vec3::new(0.3, 0.4, 0.75f32.sqrt()));
+        let across = metal.eval(Vec3::Z, Vec3::new(-0.4, 0.3, 0.75f32.sqrt()));
+        assert!(along.value.r > 20.0 * across.value.r, "{along:?} {across:?}");
     }
 }

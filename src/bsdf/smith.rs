@@ -261,3 +261,60 @@ fn erfc_given(x: f32, gauss: f32) -> f32 {
     let tail = t * p.exp() * gauss;
     if x < 0.0 { 2.0 - tail } else { tail }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use statrs::function::erf as exact;
+
+    #[test]
+    fn the_error_functions_are_those_of_f64() {
+        for i in -600..=900 {
+            let x = i as f32 * 0.01;
+            let expected = exact::erfc(f64::from(x));
+            let got = f64::from(erfc(x));
+            // The exponent of −x² has the digits of x².
+            let bound = (1e-6 + 1.2e-7 * f64::from(x * x)) * expected + f64::from(f32::MIN_POSITIVE);
+            assert!((got - expected).abs() < bound, "erfc {x}: {got} for {expected}");
+        }
+        for i in 1..100_000 {
+            let v = i as f32 * 1e-5;
+            let expected = exact::erf_inv(2.0 * f64::from(v) - 1.0);
+            let got = f64::from(gaussian(v));
+            // Near 1/2 both are nearly 0, and near the ends 1 − v has few digits.
+            assert!((got - expected).abs() < 1e-5, "{v}: {got} for {expected}");
+        }
+    }
+
+    #[test]
+    fn visible_slopes_are_the_inverse_of_their_cumulative_function() {
+        for cos in [1e-6f32, 0.01, 0.2, 0.5, 0.8, 0.99, 1.0] {
+            let sin = (1.0 - cos * cos).sqrt();
+            let above = |t: f64| {
+                let (cos, sin) = (f64::from(cos), f64::from(sin));
+                cos * exact::erfc(t) + sin / std::f64::consts::PI.sqrt() * (-t * t).exp()
+            };
+            let whole = above((-f64::from(cos) / f64::from(sin)).max(-8.0));
+            for i in 0..=2000 {
+                let u = (i as f32 / 2000.0).min(1f32.next_down()).max(1e-9);
+                let got = above(f64::from(visible_slope(cos, sin, u))) / whole;
+                assert!(
+                    (got - f64::from(u)).abs() < 1e-6,
+                    "cos {cos}: {got} of the slopes for {u}"
+                );
+            }
+        }
+    }
+
+    /// The fit that values are made of, and the exact share that densities are.
+    #[test]
+    fn beckmanns_masking_is_the_exact_one_within_its_stated_error() {
+        let facets = Smith::new([0.5, 0.2], Distribution::Beckmann);
+        for i in 1..=1000 {
+            let cos = i as f32 * 1e-3;
+            let w = Vec3::new(0.6 * (1.0 - cos * cos).sqrt(), 0.8 * (1.0 - cos * cos).sqrt(), cos);
+            let ratio = facets.g1(w) / (cos * facets.visible_over_cos(w));
+            assert!((ratio - 1.0).abs() < 3.6e-3, "cos {cos}: {ratio}");
+        }
+    }
+}
