@@ -418,6 +418,7 @@ fn everything() -> SceneDesc {
     let objects = objects.collect();
     let rows = materials.len() as f64 / columns as f64;
     SceneDesc {
+        crop: Some([1, 2, 7, 5]),
         camera: CameraDesc {
             position: DVec3::new(6.0 + double(random), 12.0, rows + 4.0),
             look_at: DVec3::new(6.0, 0.0, 0.5 * rows),

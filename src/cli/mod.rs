@@ -79,7 +79,7 @@ impl Backend {
 
 #[derive(Debug, Args)]
 struct RenderArgs {
-    /// Scene file: .toml, .json, .gltf, .glb, or an .obj or .ply on its own
+    /// Scene file: .toml, .json, .gltf, .glb, .xml of Mitsuba 3, or an .obj or .ply on its own
     scene: PathBuf,
     /// Image to write, .exr or .png; may be repeated
     #[arg(short, long = "output", value_name = "OUT", required = true)]
@@ -154,6 +154,9 @@ struct LoadArgs {
     /// Smooth meshes that have no normals, but for edges at which faces meet at this angle or more [default: flat faces]
     #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = parse_angle)]
     smooth_angle: Option<f64>,
+    /// Value of a parameter ($NAME) of a Mitsuba scene; may be repeated
+    #[arg(short = 'D', long = "define", value_name = "NAME=VALUE", value_parser = parse_define)]
+    define: Vec<(String, String)>,
 }
 
 impl LoadArgs {
@@ -162,6 +165,7 @@ impl LoadArgs {
             strict,
             smooth_angle: self.smooth_angle,
             camera: self.camera.clone(),
+            defines: self.define.clone(),
         }
     }
 }
@@ -435,6 +439,13 @@ fn parse_resolution(text: &str) -> Result<[u32; 2], String> {
     match sides {
         Some([w, h]) if w > 0 && h > 0 => Ok([w, h]),
         _ => Err("expected WIDTHxHEIGHT in pixels, such as 640x480".into()),
+    }
+}
+
+fn parse_define(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.is_empty() => Ok((name.to_owned(), value.to_owned())),
+        _ => Err("expected NAME=VALUE, such as spp=64".into()),
     }
 }
 

@@ -63,7 +63,10 @@ fn run_on<A: Accel>(
 
     if let Some(resolution) = args.resolution {
         desc.camera.resolution = resolution;
+        // In pixels of the scene's own size.
+        desc.crop = None;
     }
+    let crop_of_scene = desc.crop;
     let max_depth = args.max_depth.or(desc.max_depth);
     let settings = args.estimator.settings(args.seed, max_depth);
     check_settings(&settings)?;
@@ -77,7 +80,7 @@ fn run_on<A: Accel>(
     };
     let scene = Scene::build(desc, options).map_err(|e| Failure::input(format!("{}: {e}", args.scene.display())))?;
     let [width, height] = scene.camera.resolution();
-    let crop = crop(args, [width, height])?;
+    let crop = crop(args.crop.or(crop_of_scene), [width, height])?;
     // By the whole image, so that a crop is traced in the same tree: trees differ in which of two triangles at the same
     // distance is hit.
     let whole = budget.paths(u64::from(width) * u64::from(height));
@@ -254,8 +257,8 @@ fn check_settings(settings: &Settings) -> Result<(), Failure> {
     Ok(())
 }
 
-fn crop(args: &RenderArgs, [width, height]: [u32; 2]) -> Result<Rect, Failure> {
-    let Some([x0, y0, x1, y1]) = args.crop else {
+fn crop(crop: Option<[u32; 4]>, [width, height]: [u32; 2]) -> Result<Rect, Failure> {
+    let Some([x0, y0, x1, y1]) = crop else {
         return Ok(Rect {
             x0: 0,
             y0: 0,

@@ -70,6 +70,9 @@ fn study(args: &StudyArgs, plan: &Plan, interrupt: &Interrupt) -> Result<(), End
         for warning in &desc.warnings {
             tell(format_args!("warning: {warning}"));
         }
+        if desc.crop.is_some() {
+            tell(format_args!("warning: camera.crop: a study renders the whole image"));
+        }
     }
     let scene_resolution = desc.camera.resolution;
     desc.camera.resolution = plan.resolution(scene_resolution);

@@ -22,12 +22,15 @@ pub(super) enum Role {
     Height(Option<Encoding>),
     /// The alpha channel, 1 everywhere if there is none. With a threshold it becomes 1 from there on, and 0 below.
     Alpha(Option<Threshold>),
+    /// A number: the luminance of reflectance.
+    Luminance(Encoding),
 }
 
 impl Role {
     fn encoding(self) -> Option<Encoding> {
         match self {
             Role::Colour(encoding) | Role::Radiance(encoding) => encoding,
+            Role::Luminance(encoding) => Some(encoding),
             Role::Height(encoding) => encoding.or(Some(Encoding::Linear)),
             Role::Coverage | Role::Alpha(_) => None,
         }
@@ -73,7 +76,7 @@ pub(super) fn load_texture(path: &Path, role: Role) -> Result<(Texture, blake3::
 
 /// Decodes a bitmap that is in memory. `path` is for messages, and for formats that are told by the name.
 pub(super) fn decode_texture(path: &Path, bytes: &[u8], role: Role) -> Result<Texture, LoadError> {
-    Ok(match (image::read(path, bytes)?, role) {
+    let texture = match (image::read(path, bytes)?, role) {
         (Decoded::Linear(_), Role::Alpha(threshold)) => without_alpha(threshold),
         (Decoded::Linear(image), role) => Texture::Rgb32(sanitise(image, role)),
         (Decoded::Encoded(LdrImage::Bits8 { alpha: Some(alpha), .. }), Role::Alpha(threshold)) => {
@@ -102,6 +105,10 @@ pub(super) fn decode_texture(path: &Path, bytes: &[u8], role: Role) -> Result<Te
                 Rgb::from(if srgb { c.map(srgb_decode) } else { c })
             }))
         }
+    };
+    Ok(match role {
+        Role::Luminance(_) => luminance(texture),
+        _ => texture,
     })
 }
 
@@ -115,6 +122,26 @@ fn without_alpha(threshold: Option<Threshold>) -> Texture {
     Texture::Rgb8(Image::filled(1, 1, [texel; 3]), Encoding::Linear)
 }
 
+/// The luminance in all channels. What is grey stays as it is.
+fn luminance(texture: Texture) -> Texture {
+    let to_grey = |rgb: Rgb| Rgb::splat(rgb.luminance());
+    match texture {
+        Texture::Rgb8(image, encoding) if image.pixels.iter().any(|[r, g, b]| r != g || g != b) => {
+            let linear = |c: [u8; 3]| {
+                let c = c.map(|c| f32::from(c) / 255.0);
+                Rgb::from(if encoding == Encoding::Srgb {
+                    c.map(srgb_decode)
+                } else {
+                    c
+                })
+            };
+            Texture::Rgb32(map_pixels(image, |c| to_grey(linear(c))))
+        }
+        Texture::Rgb8(image, encoding) => Texture::Rgb8(image, encoding),
+        Texture::Rgb32(image) => Texture::Rgb32(map_pixels(image, to_grey)),
+    }
+}
+
 fn map_pixels<T, U>(image: Image<T>, f: impl Fn(T) -> U) -> Image<U> {
     Image {
         width: image.width,
@@ -126,7 +153,7 @@ fn map_pixels<T, U>(image: Image<T>, f: impl Fn(T) -> U) -> Image<U> {
 /// Numbers from a file of unlimited range: NaN becomes 0, and what is beyond the range of the role its end.
 fn sanitise(image: Image<Rgb>, role: Role) -> Image<Rgb> {
     let (low, high) = match role {
-        Role::Colour(_) | Role::Coverage | Role::Alpha(_) => (0.0, 1.0),
+        Role::Colour(_) | Role::Luminance(_) | Role::Coverage | Role::Alpha(_) => (0.0, 1.0),
         Role::Radiance(_) => (0.0, 1e30),
         Role::Height(_) => (-1e18, 1e18),
     };

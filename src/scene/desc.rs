@@ -15,6 +15,8 @@ use std::sync::Arc;
 pub struct SceneDesc {
     /// The view.
     pub camera: CameraDesc,
+    /// The part of the image that is wanted, as columns and rows `[x0, y0, x1, y1]`, the ends excluded; `None`: all of it.
+    pub crop: Option<[u32; 4]>,
     /// Largest number of scattering events of a path; `None`: roulette alone ends paths.
     pub max_depth: Option<u32>,
     /// Light from infinity.

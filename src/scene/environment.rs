@@ -48,7 +48,7 @@ pub(super) fn load_environment(entry: &EnvironmentEntry, base: &Path) -> Result<
 }
 
 /// Makes every texel finite and 0 or more, also after scaling, and says how many were not.
-fn sanitise_radiance(image: &mut Image<Rgb>, scale: f32, path: &Path) -> Vec<String> {
+pub(super) fn sanitise_radiance(image: &mut Image<Rgb>, scale: f32, path: &Path) -> Vec<String> {
     let channels = || image.pixels.iter().flat_map(|p| p.to_array());
     // Small enough that sums over the map and products with reflectances stay finite.
     let limit = 1e30 / scale.max(1.0);

@@ -7,6 +7,7 @@ use super::file::{self, EnvironmentEntry, MeshEntry, SceneFile};
 use super::framing::framing;
 use super::gltf;
 use super::input::{open, read_bytes, read_file};
+use super::mitsuba;
 use super::obj::{self, MapKind, MtlMaterial, ObjError, ObjPart, ObjScene};
 use super::obj_material::{self, Converted};
 use super::origin;
@@ -36,6 +37,8 @@ pub struct LoadOptions {
     pub smooth_angle: Option<f64>,
     /// Name of the camera of a glTF file, or of its node; without, the first one. Other formats have one camera.
     pub camera: Option<String>,
+    /// Names and values of a scene's parameters, which go before its own. Mitsuba scenes have such.
+    pub defines: Vec<(String, String)>,
 }
 
 /// Why a scene cannot be read. Every message names the file.
@@ -50,7 +53,7 @@ pub enum LoadError {
         source: io::Error,
     },
     /// The extension is none of a scene.
-    #[error("{}: not a scene; expected a .toml, .json, .gltf, .glb, .obj or .ply file", .0.display())]
+    #[error("{}: not a scene; expected a .toml, .json, .gltf, .glb, .xml, .obj or .ply file", .0.display())]
     Format(PathBuf),
     /// The scene file is not well-formed.
     #[error("{}: {message}", path.display())]
@@ -84,8 +87,8 @@ pub enum LoadError {
     Strict(String),
 }
 
-/// Reads a scene file (`.toml`, `.json`, `.gltf`, `.glb`) or a mesh on its own (`.obj`, `.ply`: the camera frames its bounds, under a constant
-/// environment of radiance 1). Files are read in parallel on the current rayon pool.
+/// Reads a scene file (`.toml`, `.json`, `.gltf`, `.glb`, or `.xml` of Mitsuba 3) or a mesh on its own (`.obj`, `.ply`: the
+/// camera frames its bounds, under a constant environment of radiance 1). Files are read in parallel on the current rayon pool.
 ///
 /// # Errors
 /// [`LoadError`] for anything that leaves no defined scene. What has a visible default is a warning in the description
@@ -96,6 +99,15 @@ pub fn load(path: &Path, options: LoadOptions) -> Result<SceneDesc, LoadError> {
         .and_then(|e| e.to_str())
         .unwrap_or("")
         .to_ascii_lowercase();
+    if let Some((name, value)) = options.defines.first()
+        && extension != "xml"
+    {
+        return Err(LoadError::Key {
+            path: path.to_owned(),
+            key: format!("-D {name}={value}"),
+            problem: "only scenes of Mitsuba (.xml) have parameters; remove the option".into(),
+        });
+    }
     let mut desc = match extension.as_str() {
         "gltf" | "glb" => gltf::load(path, options.camera.as_deref())?,
         _ if options.camera.is_some() => {
@@ -107,6 +119,7 @@ pub fn load(path: &Path, options: LoadOptions) -> Result<SceneDesc, LoadError> {
         }
         "toml" | "json" => load_scene_file(path, extension == "toml")?,
         "obj" | "ply" => load_mesh_alone(path)?,
+        "xml" => mitsuba::load(path, &options.defines)?,
         _ => return Err(LoadError::Format(path.to_owned())),
     };
     if let Some(degrees) = options.smooth_angle {
@@ -165,6 +178,7 @@ fn load_mesh_alone(path: &Path) -> Result<SceneDesc, LoadError> {
         .unwrap_or_default();
     let file = SceneFile {
         camera: framing(DVec3::ZERO, DVec3::ONE),
+        crop: None,
         max_depth: None,
         environment: Some(EnvironmentEntry::Constant(Rgb::WHITE)),
         materials: Vec::new(),
@@ -185,9 +199,20 @@ fn load_mesh_alone(path: &Path) -> Result<SceneDesc, LoadError> {
 }
 
 /// Passes bytes on and hashes them.
-struct Hashing<R> {
+pub(super) struct Hashing<R> {
     inner: R,
     hasher: blake3::Hasher,
+}
+
+impl<R> Hashing<R> {
+    pub(super) fn new(inner: R) -> Hashing<R> {
+        let hasher = blake3::Hasher::new();
+        Hashing { inner, hasher }
+    }
+
+    pub(super) fn finish(&self) -> blake3::Hash {
+        self.hasher.finalize()
+    }
 }
 
 impl<R: Read> Read for Hashing<R> {
@@ -204,10 +229,7 @@ fn read_obj(path: &Path) -> Result<(ObjScene, blake3::Hash), LoadError> {
         path: path.to_owned(),
         source,
     })?;
-    let mut reader = Hashing {
-        inner: file,
-        hasher: blake3::Hasher::new(),
-    };
+    let mut reader = Hashing::new(file);
     let mut libraries = blake3::Hasher::new();
     let base = path.parent().unwrap_or(Path::new(""));
     let scene = obj::read(path, &mut reader, |name| {
@@ -448,6 +470,7 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
     });
     Ok(SceneDesc {
         camera: file.camera,
+        crop: file.crop,
         max_depth: file.max_depth,
         environment,
         materials,

@@ -12,6 +12,7 @@ mod gltf;
 mod input;
 mod lights;
 mod load;
+mod mitsuba;
 mod number;
 pub mod obj;
 mod obj_material;

@@ -228,6 +228,7 @@ impl Stage {
     pub(crate) fn new(camera: CameraDesc) -> Stage {
         Stage(SceneDesc {
             camera,
+            crop: None,
             max_depth: None,
             environment: None,
             materials: Vec::new(),

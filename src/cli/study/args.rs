@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 #[derive(Debug, Args)]
 pub(in crate::cli) struct StudyArgs {
-    /// Scene file: .toml, .json, .gltf, .glb, or an .obj or .ply on its own
+    /// Scene file: .toml, .json, .gltf, .glb, .xml of Mitsuba 3, or an .obj or .ply on its own
     pub(super) scene: PathBuf,
     /// Folder for the report and for what is finished [default: study-NAME]
     #[arg(short, long = "output", value_name = "DIR")]

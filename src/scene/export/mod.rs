@@ -201,6 +201,9 @@ fn camera(desc: &SceneDesc) -> Keys {
             .focus_distance
             .map(|distance| ("focus_distance", distance.into())),
     );
+    if let Some(crop) = desc.crop {
+        keys.push(("crop", Item::List(crop.map(Item::Count).into())));
+    }
     if camera.mirrored {
         keys.push(("mirrored", true.into()));
     }

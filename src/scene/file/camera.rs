@@ -3,9 +3,10 @@
 use super::{MAX_LENGTH, Result};
 use crate::camera::CameraDesc;
 use crate::math::DVec3;
-use crate::scene::value::Table;
+use crate::scene::value::{Field, Table};
 
-pub(super) fn camera(table: &Table<'_>) -> Result<CameraDesc> {
+/// The view, and the part of its image that is wanted.
+pub(super) fn camera(table: &Table<'_>) -> Result<(CameraDesc, Option<[u32; 4]>)> {
     let resolution = table.require("resolution")?;
     let sides = resolution.array()?;
     let [width, height] = sides.as_slice() else {
@@ -26,6 +27,23 @@ pub(super) fn camera(table: &Table<'_>) -> Result<CameraDesc> {
             .transpose()?,
         mirrored: table.get("mirrored").map_or(Ok(false), |f| f.flag())?,
     };
+    let crop = table.get("crop").map(|f| crop(&f, desc.resolution)).transpose()?;
     table.finish()?;
-    Ok(desc)
+    Ok((desc, crop))
+}
+
+fn crop(field: &Field<'_>, [width, height]: [u32; 2]) -> Result<[u32; 4]> {
+    let corners = field.array()?;
+    let [x0, y0, x1, y1] = corners.as_slice() else {
+        return Err(field.error("expected an array of 4 whole numbers: x0, y0, x1, y1"));
+    };
+    let crop = [x0.count()?, y0.count()?, x1.count()?, y1.count()?];
+    let [x0, y0, x1, y1] = crop;
+    if x0 < x1 && x1 <= width && y0 < y1 && y1 <= height {
+        Ok(crop)
+    } else {
+        Err(field.error(format!(
+            "is not a part of the {width} x {height} pixels; expected x0 < x1 and y0 < y1 within them"
+        )))
+    }
 }

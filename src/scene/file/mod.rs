@@ -34,6 +34,7 @@ const MAX_LENGTH: f64 = 1e18;
 #[derive(Debug)]
 pub(super) struct SceneFile {
     pub(super) camera: CameraDesc,
+    pub(super) crop: Option<[u32; 4]>,
     pub(super) max_depth: Option<u32>,
     pub(super) environment: Option<EnvironmentEntry>,
     /// Those in use, in the order of their first use. Indices of textures are those of `bitmaps`.
@@ -88,7 +89,7 @@ pub(super) fn parse(value: &Value, base: &Path) -> Result<SceneFile> {
     if let Some(name) = root.get("name") {
         name.string()?;
     }
-    let camera = camera::camera(&root.require("camera")?.table()?)?;
+    let (camera, crop) = camera::camera(&root.require("camera")?.table()?)?;
     let max_depth = match root.get("integrator") {
         Some(integrator) => {
             let table = integrator.table()?;
@@ -143,6 +144,7 @@ pub(super) fn parse(value: &Value, base: &Path) -> Result<SceneFile> {
     root.finish()?;
     Ok(SceneFile {
         camera,
+        crop,
         max_depth,
         environment,
         materials,

@@ -132,6 +132,7 @@ pub(super) fn load(path: &Path, camera: Option<&str>) -> Result<SceneDesc, LoadE
         EnvironmentDesc::Constant(Rgb::WHITE)
     });
     let mut desc = SceneDesc {
+        crop: None,
         camera: camera.clone().unwrap_or_else(|| framing(DVec3::ZERO, DVec3::ONE)),
         max_depth: None,
         environment,
