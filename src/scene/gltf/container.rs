@@ -146,6 +146,9 @@ pub(super) fn parse(path: &Path, text: &[u8], notes: &mut Notes) -> Result<Docum
     let Nodes { nodes } = serde_json::from_slice(text).map_err(syntax)?;
     check_extensions(path, &root, notes)?;
     check_references(path, &root)?;
+    if !root.animations.is_empty() {
+        notes.add("animations are ignored: everything is where the nodes place it", "");
+    }
     Ok(Document {
         root,
         placements: nodes,
