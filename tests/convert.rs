@@ -28,7 +28,7 @@ use support::{Prepared, Random};
 /// Panics unless rendering both gives the same: everything is the same but the names of objects, the hash, the warnings, and
 /// the order of bitmaps and meshes.
 fn assert_same(a: &SceneDesc, b: &SceneDesc) {
-    assert_eq!(a.camera, b.camera);
+    assert_eq!((&a.camera, a.crop), (&b.camera, b.crop));
     assert_eq!(a.max_depth, b.max_depth);
     match (&a.environment, &b.environment) {
         (Some(EnvironmentDesc::Map { image, .. }), Some(EnvironmentDesc::Map { image: other, .. })) => {

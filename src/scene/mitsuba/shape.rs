@@ -1,5 +1,6 @@
 //! Shapes: meshes of files, and flat and curved shapes as triangles.
 
+use super::super::build::is_invertible;
 use super::super::desc::ObjectDesc;
 use super::super::input::open;
 use super::super::load::{Hashing, LoadError};
@@ -65,16 +66,19 @@ impl Importer<'_> {
                 let group = group
                     .filter(is_group)
                     .ok_or_else(|| props.error("refers to no shapegroup"))?;
-                props.finish()?;
                 let name = self.name_of(node);
                 for object in self.group(group)? {
+                    let to_world = to_world * object.to_world;
+                    if !is_invertible(&to_world) {
+                        return Err(props.error("has a size that 64-bit numbers cannot hold"));
+                    }
                     self.objects.push(ObjectDesc {
                         name: format!("{name}: {}", object.name),
-                        to_world: to_world * object.to_world,
+                        to_world,
                         ..object
                     });
                 }
-                Ok(())
+                props.finish()
             }
             _ => {
                 let objects = self.simple_shape(node)?;
@@ -167,6 +171,9 @@ impl Importer<'_> {
             }
             _ => return Err(props.error(format!("is not supported; supported shapes: {SUPPORTED}"))),
         };
+        if !is_invertible(&to_world) {
+            return Err(props.error("has a size that 64-bit numbers cannot hold"));
+        }
         if matches!(source, Source::Sphere | Source::Cylinder) && to_world.matrix3.determinant() < 0.0 {
             // A mirror turns these inside out, and no others.
             is_flipped = !is_flipped;

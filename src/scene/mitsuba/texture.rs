@@ -86,11 +86,10 @@ impl Importer<'_> {
         };
         let spectrum = match &property.value {
             Value::Object(node) => self.texture(*node, Part::Number)?,
-            value => match plain_color(value, Use::Unbounded) {
-                Some(rgb) => Spectrum::Constant(Rgb::splat(luminance(rgb) as f32)),
-                None => {
-                    return Err(props.error_at(property, "is no number; expected <float> or <texture>"));
-                }
+            value => match plain_color(value, Use::Unbounded).map(luminance) {
+                Some(number) if (0.0..=1.0).contains(&number) => Spectrum::Constant(Rgb::splat(number as f32)),
+                Some(number) => return Err(props.error_at(property, format!("is {number}; expected 0 to 1"))),
+                None => return Err(props.error_at(property, "is no number; expected <float> or <texture>")),
             },
         };
         Ok(match spectrum {
@@ -111,7 +110,7 @@ impl Importer<'_> {
         let mut props = Props::new(self.document, node);
         let used_as = match part {
             Part::Color(used_as) => used_as,
-            Part::Number => Use::Unbounded,
+            Part::Number => Use::Reflectance,
         };
         let constant = |rgb: Rgb| {
             Spectrum::Constant(match part {
@@ -134,9 +133,7 @@ impl Importer<'_> {
             "checkerboard" => {
                 let first = constant(self.constant(&mut props, "color0", 0.4, used_as)?);
                 let second = constant(self.constant(&mut props, "color1", 0.2, used_as)?);
-                let to_uv = props
-                    .matrix("to_uv")?
-                    .map_or(Affine2::IDENTITY, |m| transform::of_uv(&m));
+                let to_uv = to_uv(&mut props)?;
                 let (Spectrum::Constant(first), Spectrum::Constant(second)) = (first, second) else {
                     return Err(props.error("has colours that vary"));
                 };
@@ -156,7 +153,8 @@ impl Importer<'_> {
                         "the name \"{name}\" begins neither with vertex_ nor with face_"
                     )));
                 }
-                let scale = props.float_in("scale", 1.0, 0.0..)?;
+                let most = if used_as == Use::Emission { 1e30 } else { 1.0 };
+                let scale = props.float_in("scale", 1.0, 0.0..=most)?;
                 Spectrum::VertexColor(None, Rgb::splat(scale as f32))
             }
             "srgb" => constant(self.constant(&mut props, "color", 1.0, used_as)?),
@@ -212,9 +210,7 @@ impl Importer<'_> {
         ];
         let filter = props.word("filter_type", &filters, Filter::Bilinear)?;
         let wrap = props.word("wrap_mode", &wraps, Wrap::Repeat)?;
-        let to_uv = props
-            .matrix("to_uv")?
-            .map_or(Affine2::IDENTITY, |m| transform::of_uv(&m));
+        let to_uv = to_uv(props)?;
         // How it is stored.
         props.ignore(&["format", "accel"]);
         let path = self.document.file(filename);
@@ -237,6 +233,17 @@ impl Importer<'_> {
             filter,
             ..TextureMap::new(texture)
         })
+    }
+}
+
+fn to_uv(props: &mut Props) -> Result<Affine2, LoadError> {
+    let to_uv = props
+        .matrix("to_uv")?
+        .map_or(Affine2::IDENTITY, |m| transform::of_uv(&m));
+    if to_uv.is_finite() {
+        Ok(to_uv)
+    } else {
+        Err(props.error("has a to_uv beyond 32-bit numbers"))
     }
 }
 

@@ -3,6 +3,7 @@
 
 pub(crate) mod alias;
 pub(crate) mod environment;
+pub(crate) mod mitsuba;
 pub(crate) mod obj;
 pub(crate) mod scene_file;
 pub(crate) mod triangles;
@@ -13,9 +14,10 @@ mod folder;
 pub(crate) type Check = fn(&[u8]);
 
 /// Every check by the name of its fuzz target and of its folder of the corpus.
-pub(crate) const ALL: [(&str, Check); 5] = [
+pub(crate) const ALL: [(&str, Check); 6] = [
     ("alias", alias::check),
     ("environment", environment::check),
+    ("mitsuba", mitsuba::check),
     ("obj", obj::check),
     ("scene_file", scene_file::check),
     ("triangles", triangles::check),

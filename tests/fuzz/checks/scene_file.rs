@@ -5,7 +5,7 @@ use super::folder::Folder;
 use super::obj::split;
 use std::io::Cursor;
 
-const MESH: &str = "mtllib mesh.mtl\nv -1 0 1\nv 1 0 1\nv 1 0 -1\nv -1 0 -1\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 1 0\n\
+pub(super) const MESH: &str = "mtllib mesh.mtl\nv -1 0 1\nv 1 0 1\nv 1 0 -1\nv -1 0 -1\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 1 0\n\
     usemtl paint\nf 1/1/1 2/2/1 3/3/1\nf 1//1 3//1 4//1\nusemtl glass\nf 1 2 5\n";
 const LIBRARY: &str =
     "newmtl paint\nKd 0.5 0.4 0.3\nmap_Kd tiles.png\nmap_d tiles.png\nnewmtl glass\nillum 7\nNi 1.5\nKe 1 1 1\n";
@@ -26,7 +26,7 @@ thread_local! {
     };
 }
 
-fn tiles() -> Vec<u8> {
+pub(super) fn tiles() -> Vec<u8> {
     let mut bytes = Cursor::new(Vec::new());
     image::RgbaImage::from_fn(3, 2, |x, y| {
         image::Rgba([80 * x as u8, 200 * y as u8, 90, 100 + 70 * x as u8])
