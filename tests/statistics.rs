@@ -558,7 +558,7 @@ fn scattering_is_sampled_with_the_density_it_states_and_reflects_no_more_than_ar
         let eta = ior(bsdf);
         let edges = polar_cells(*alpha);
         let rows = edges.len() - 1;
-        let mass = integrate_cells(wo, *alpha, bsdf, 1e-6, |wi| bsdf.eval(wo, wi).pdf_w.into());
+        let mass = integrate_cells(wo, *alpha, bsdf, 1e-7, |wi| bsdf.eval(wo, wi).pdf_w.into());
         let total: f64 = mass.iter().sum();
         assert!(total < 1.0 + 1e-3, "{name}: the density integrates to {total}");
         let mut counts = vec![0u64; mass.len() + 1];

@@ -88,7 +88,13 @@ impl PrincipledBsdf {
             return BsdfEval::ZERO;
         }
         let [wo, wi] = [wo, wi].map(|w| into_frame(w, self.tangent));
-        Facet::of(wo, wi, self.index()).map_or(BsdfEval::ZERO, |facet| self.scatter(wo, wi, &facet))
+        Facet::of(wo, wi, self.index()).map_or(BsdfEval::ZERO, |mut facet| {
+            if wi.z > 0.0 {
+                // The same, but the product has few digits where both are grazing, and the coat's density is over it.
+                facet.wo_h = 0.5 * (wo + wi).length();
+            }
+            self.scatter(wo, wi, &facet)
+        })
     }
 
     #[inline(never)]
