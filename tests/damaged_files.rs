@@ -4,7 +4,9 @@ mod support;
 
 use embrace::image::exr::ExrMetadata;
 use embrace::image::{Image, exr};
-use embrace::math::Rgb;
+use embrace::math::{DVec3, Rgb, Vec2};
+use embrace::mesh::TriangleMesh;
+use embrace::scene::ply::write_ply;
 use embrace::scene::{LoadOptions, Scene, SceneOptions, load};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -65,6 +67,8 @@ impl Folder {
         folder.write("scene.json", json().as_bytes());
         folder.write("mesh.obj", MESH.as_bytes());
         folder.write("mesh.mtl", LIBRARY.as_bytes());
+        folder.write("mesh.ply", &ply());
+        folder.write("ascii.ply", PLY.as_bytes());
         folder.write("tiles.png", &tiles(image::ImageFormat::Png));
         folder.write("sky.exr", &sky_exr());
         folder
@@ -99,6 +103,24 @@ impl Folder {
         }
         result
     }
+}
+
+const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+    property uchar red\nproperty uchar green\nproperty uchar blue\nelement face 2\n\
+    property list uchar int vertex_indices\nend_header\n0 0 0 255 0 0\n1 0 0 0 255 0\n1 1 0 0 0 255\n0 1 0 9 9 9\n\
+    4 0 1 2 3\n3 0 1 2\n";
+
+/// The same as binary, with texture coordinates.
+fn ply() -> Vec<u8> {
+    let mesh = TriangleMesh {
+        positions: vec![DVec3::ZERO, DVec3::X, DVec3::X + DVec3::Y, DVec3::Y],
+        uvs: vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y],
+        indices: vec![[0, 1, 2], [0, 2, 3], [0, 1, 2]],
+        ..TriangleMesh::default()
+    };
+    let mut bytes = Vec::new();
+    write_ply(&mesh, &mut bytes).unwrap();
+    bytes
 }
 
 fn json() -> String {
@@ -241,6 +263,78 @@ fn damaged_meshes_are_refused_by_name_or_read() {
 }
 
 #[test]
+fn damaged_ply_meshes_are_refused_by_name_or_read() {
+    for (file, bytes) in [("mesh.ply", ply()), ("ascii.ply", PLY.as_bytes().to_vec())] {
+        let folder = Folder::new();
+        folder.load(file, "", "whole").unwrap();
+        folder.write("scene.toml", SCENE.replace("mesh.obj", file).as_bytes());
+        folder.load("scene.toml", "", "whole").unwrap();
+        let forms = damaged(&bytes, 300, 1500);
+        assert!(refused(file, file, &forms) > forms.len() / 4, "{file}");
+    }
+}
+
+#[test]
+fn absurd_ply_meshes_are_refused_by_name() {
+    let with = |from: &str, to: &str| {
+        assert!(PLY.contains(from), "{from}");
+        (format!("with {to}"), PLY.replace(from, to).into_bytes())
+    };
+    let binary = |counts: &str, list: &str, data: &[u8]| {
+        let header = format!(
+            "ply\nformat binary_big_endian 1.0\nelement vertex {counts}\nproperty uchar x\nproperty uchar y\n\
+             property uchar z\nelement face {counts}\nproperty list {list} vertex_indices\nend_header\n"
+        );
+        let name = format!("binary with {counts} and {list}");
+        (name, [header.as_bytes(), data].concat())
+    };
+    let absurd = [
+        with("vertex 4", "vertex 0"),
+        with("vertex 4", "vertex 4294967295"),
+        with("vertex 4", "vertex 18446744073709551615"),
+        with("vertex 4", "vertex 99999999999999999999"),
+        with("vertex 4", "vertex -4"),
+        with("face 2", "face 18446744073709551615"),
+        with("face 2", "face 0"),
+        with("1 0 0 0 255 0", "1 nan 0 0 255 0"),
+        with("1 0 0 0 255 0", "1 1e39 0 0 255 0"),
+        with("1 0 0 0 255 0", "1 0 0 0 255"),
+        with("3 0 1 2", "3 0 1 4"),
+        with("3 0 1 2", "3 0 1 -1"),
+        with("3 0 1 2", "3 0 1 4294967296"),
+        with("3 0 1 2", "4294967295 0 1 2"),
+        with("3 0 1 2", "1e300 0 1 2"),
+        with("3 0 1 2", "inf"),
+        with("ascii", "binary_little_endian"),
+        with("ascii", "binary_big_endian"),
+        with("ascii", "morse"),
+        with("float x", "quad x"),
+        with("end_header", "end"),
+        ("empty".into(), Vec::new()),
+        ("null bytes".into(), vec![0; 1 << 16]),
+        ("one long line".into(), vec![b'p'; 1 << 20]),
+        (
+            "nothing but properties".into(),
+            [
+                b"ply\nformat ascii 1.0\nelement face 1\n".as_slice(),
+                &b"property float a_0\n".repeat(1 << 14),
+            ]
+            .concat(),
+        ),
+        binary("1", "uint uchar", b"\0\0\0\xff\xff\xff\xff\0\0\0"),
+        binary("1", "double double", &[0x7f; 64]),
+        binary("1", "double double", &[0xff; 64]),
+        binary("1000000000000000000", "uchar uchar", &[0; 64]),
+    ];
+    all_are_refused("mesh.ply", "mesh.ply", &absurd);
+    // A polygon of many corners, most of them the same.
+    let corners = 1 << 18;
+    let mut fan = binary("1", "uint uchar", b"\0\0\0\0\x04\0\0");
+    fan.1.extend(vec![0; corners]);
+    assert_eq!(refused("mesh.ply", "mesh.ply", &[fan]), 0);
+}
+
+#[test]
 fn absurd_meshes_are_refused_by_name() {
     let with = |from: &str, to: &str| (format!("with {to}"), MESH.replace(from, to).into_bytes());
     let absurd = [
@@ -372,10 +466,11 @@ fn headers_that_ask_for_all_memory_are_refused_by_name() {
 
 #[test]
 fn a_folder_in_the_place_of_a_file_is_refused_by_name() {
-    for file in ["scene.toml", "mesh.obj", "tiles.png", "sky.exr"] {
+    for file in ["scene.toml", "mesh.obj", "tiles.png", "sky.exr", "mesh.ply"] {
         let folder = Folder::new();
         fs::remove_file(folder.path(file)).unwrap();
         fs::create_dir(folder.path(file)).unwrap();
-        folder.load("scene.toml", file, "a folder").unwrap_err();
+        let scene = if file == "mesh.ply" { file } else { "scene.toml" };
+        folder.load(scene, file, "a folder").unwrap_err();
     }
 }

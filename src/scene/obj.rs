@@ -365,7 +365,7 @@ mod tests {
             "\u{feff}# comment\r\nv 0 0 0\r\nv 1 0 0 # comment\r\n\r\nv\t0  1 0\r\no x\r\ng y z\r\ns off\r\nf 1 2 3 #c\r\n",
             "v 0 0 0\nv 1 0 0\n  v 0 1 0\nf 1 2 3",
             "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 \\\n 2 \\\r\n3\\",
-            "v 0 0 0 1\nv 2 0 0 2\nv 0 1 0 0.1 0.2 0.3\nf 1 2 3",
+            "v 0 0 0 1\nv 2 0 0 2\nv 0 1 0 1\nf 1 2 3",
             "v 0 0 0\nv 1e0 0 0\nv 0 1 0\nf -3 -2 -1",
         ] {
             assert_eq!(read_str(same), plain, "{same}");
@@ -424,7 +424,7 @@ mod tests {
             }
         }
         let all: f64 = scene.parts.iter().map(|part| areas(&part.mesh).0).sum();
-        assert!((all - (3.0 * 0.5 + 5.0 * 1.5)).abs() < 1e-12, "{all}");
+        assert!((all - (3.0 * 0.75 + 5.0 * 1.5)).abs() < 1e-12, "{all}");
         // The fan of the last face is right already, and stays as it is.
         let last = read_str(&format!("{arrow}f 4 1 2 3\n"));
         assert_eq!(

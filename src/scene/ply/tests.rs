@@ -300,7 +300,7 @@ fn errors_name_the_file_and_the_place() {
         (face(""), "the file ends before the row"),
         (
             square("float w", "", "", &["3 0 1 2"]),
-            "line 10, vertex 0: the line has fewer numbers",
+            "line 11, vertex 0: the line has fewer numbers",
         ),
         (square("", "", "", &[]), "has no faces"),
         (square("", "", "", &["2 0 1"]), "has no faces"),
@@ -336,21 +336,47 @@ fn errors_name_the_file_and_the_place() {
             "{text}: {message}"
         );
     }
-    let binary = |list: &str, data: &[u8]| {
+    for (list, data, expected) in [
+        (
+            "uint uchar",
+            b"\0\0\0\xff\xff\xff\xff".as_slice(),
+            "face 0: a list of 4294967295 numbers, where 0",
+        ),
+        ("double uchar", b"\0\0\0\0\0\0\0\0\0\xf0\x7f", "face 0: a list of inf"),
+        (
+            "uchar float",
+            b"\0\0\0\x03\0\0\0\0\0\0\0\0\0\0\xc0\x7f",
+            "face 0: the face uses vertex NaN",
+        ),
+        (
+            "uchar int",
+            b"\0\0\0\x03\0\0\0\0\0\0\0\0\0\0",
+            "face 0: a list of 3 numbers, where 2 would fit",
+        ),
+        ("uint int", b"\0\0\0\0", "face 0: the file ends before"),
+        (
+            "uint int",
+            b"\0\0\0",
+            "the header says 1 of `face`, but only 0 bytes follow",
+        ),
+        (
+            "uchar int",
+            b"\0",
+            "the header says 1 of `vertex`, but only 1 bytes follow",
+        ),
+    ] {
         let header = format!(
             "ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty uchar x\nproperty uchar y\nproperty uchar z\n\
              element face 1\nproperty list {list} vertex_indices\nend_header\n"
         );
-        error_of(&[header.as_bytes(), data].concat())
-    };
-    assert!(binary("uint uchar", b"\0\0\0\xff\xff\xff\xff").contains("byte 157, face 0: a list of 4294967295 numbers"));
-    assert!(binary("double uchar", b"\0\0\0\0\0\0\0\0\0\xf0\x7f").contains("a list of inf"));
-    assert!(binary("uchar float", b"\0\0\0\x03\0\0\0\0\0\0\0\0\0\0\xc0\x7f").contains("uses vertex NaN"));
-    assert!(binary("uchar int", b"\0\0").contains("1 of `vertex`, but only 2 bytes"));
-    assert!(
-        binary("uchar int", b"\0\0\0").contains("1 of `face`")
-            || binary("uchar int", b"\0\0\0").contains("the file ends")
-    );
+        let message = error_of(&[header.as_bytes(), data].concat());
+        let place = format!("byte {}, ", header.len() + 3);
+        assert!(message.contains(expected), "{list}: {message}");
+        assert!(
+            message.contains(&place) || message.contains("the header says"),
+            "{list}: {message}"
+        );
+    }
 }
 
 #[test]

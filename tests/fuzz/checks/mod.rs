@@ -5,6 +5,7 @@ pub(crate) mod alias;
 pub(crate) mod environment;
 pub(crate) mod mitsuba;
 pub(crate) mod obj;
+pub(crate) mod ply;
 pub(crate) mod scene_file;
 pub(crate) mod triangles;
 
@@ -19,6 +20,7 @@ pub(crate) const ALL: [(&str, Check); 6] = [
     ("environment", environment::check),
     ("mitsuba", mitsuba::check),
     ("obj", obj::check),
+    ("ply", ply::check),
     ("scene_file", scene_file::check),
     ("triangles", triangles::check),
 ];
