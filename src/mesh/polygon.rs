@@ -93,8 +93,9 @@ fn cut(corners: &[DVec3]) -> Option<Vec<[u32; 3]>> {
         .windows(2)
         .map(|pair| doubled_area(pair).dot(normal))
         .fold(f64::INFINITY, f64::min);
-    // Also where there is no area, or no number.
-    if !(least < -TOLERANCE * area * area) || corners.len() > MAX_CORNERS {
+    // False where there is no area, or no number.
+    let leaves_polygon = least < -TOLERANCE * area * area;
+    if !leaves_polygon || corners.len() > MAX_CORNERS {
         return None;
     }
     let x = (normal / area).any_orthonormal_vector();

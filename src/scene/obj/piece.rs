@@ -292,8 +292,8 @@ impl Reader {
     fn color(&mut self, color: [f64; 3]) {
         let piece = &mut self.piece;
         piece.colors.resize(piece.positions.len(), NO_COLOR);
-        // A NaN becomes 0.
-        let decode = |c: f64| srgb_decode((c as f32).max(0.0).min(1.0));
+        // Also NaN becomes 0.
+        let decode = |c: f64| srgb_decode(if c > 0.0 { c.min(1.0) as f32 } else { 0.0 });
         piece.ignored.clamped_colors += u64::from(!color.iter().all(|c| (0.0..=1.0).contains(c)));
         piece.colors.push(Rgb::from(color.map(decode)));
     }

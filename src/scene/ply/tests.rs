@@ -353,7 +353,7 @@ fn errors_name_the_file_and_the_place() {
             b"\0\0\0\x03\0\0\0\0\0\0\0\0\0\0",
             "face 0: a list of 3 numbers, where 2 would fit",
         ),
-        ("uint int", b"\0\0\0\0", "face 0: the file ends before"),
+        ("uint int", b"\0\0\0\0\0\0", "face 0: the file ends before"),
         (
             "uint int",
             b"\0\0\0",
