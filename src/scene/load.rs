@@ -251,14 +251,11 @@ fn read_mesh(path: &Path) -> Result<(ObjScene, blake3::Hash), LoadError> {
     drop(bytes);
     let mut ply = read?;
     let warnings = std::mem::take(&mut ply.warnings);
-    let mesh = match ply.color() {
-        Some(color) => ply.into_mesh_colored_by(color).ok_or_else(|| LoadError::Key {
-            path: path.to_owned(),
-            key: color.into(),
-            problem: "there are too many faces to give each vertices of its own; give vertices colours instead".into(),
-        })?,
-        None => ply.mesh,
-    };
+    let mesh = ply.into_mesh().ok_or_else(|| LoadError::Key {
+        path: path.to_owned(),
+        key: "element face".into(),
+        problem: "there are too many faces to give each vertices of its own; give vertices colours instead".into(),
+    })?;
     let part = ObjPart {
         material_name: None,
         material: None,

@@ -192,6 +192,14 @@ impl PlyMesh {
         names.into_iter().flatten().find(has)
     }
 
+    /// The mesh, with its colours if it has any. `None` as of [`PlyMesh::into_mesh_colored_by`].
+    pub fn into_mesh(self) -> Option<TriangleMesh<DVec3>> {
+        match self.color() {
+            Some(name) => self.into_mesh_colored_by(name),
+            None => Some(self.mesh),
+        }
+    }
+
     /// The mesh with an attribute as its colours: one number stands for three, a fourth one is left out. Numbers that are
     /// negative or not finite become 0. One of faces gives each triangle vertices of its own. `None` if there is no such
     /// attribute, or if these cannot be numbered with 32 bits.

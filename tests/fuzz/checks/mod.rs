@@ -15,7 +15,7 @@ mod folder;
 pub(crate) type Check = fn(&[u8]);
 
 /// Every check by the name of its fuzz target and of its folder of the corpus.
-pub(crate) const ALL: [(&str, Check); 6] = [
+pub(crate) const ALL: [(&str, Check); 7] = [
     ("alias", alias::check),
     ("environment", environment::check),
     ("mitsuba", mitsuba::check),

@@ -21,7 +21,7 @@ pub(crate) fn check(data: &[u8]) {
         mesh.validate().expect("a mesh that was read is valid");
         assert_eq!(mesh.colors.len(), mesh.positions.len());
     }
-    let mesh = read.into_mesh();
+    let mesh = read.into_mesh().expect("a small mesh");
     mesh.validate().expect("a mesh that was read is valid");
     for n in &mesh.normals {
         let length = n.length();
@@ -40,7 +40,8 @@ pub(crate) fn check(data: &[u8]) {
     write_ply(&mesh, &mut bytes).expect("memory can be written to");
     let again = ply::read(path, &bytes)
         .expect("what was written can be read")
-        .into_mesh();
+        .into_mesh()
+        .expect("a small mesh");
     assert!(again == mesh, "not the same mesh again");
 
     let mut smooth = mesh;
