@@ -17,6 +17,10 @@ pub const MAX_NESTING: usize = 32;
 
 /// How a surface scatters light.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "scenes have few materials, and a box would be another load for each hit"
+)]
 pub enum Scattering {
     /// Lambertian reflection, on both sides.
     Diffuse {

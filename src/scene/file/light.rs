@@ -105,8 +105,11 @@ fn direction(table: &Table<'_>) -> Result<DVec3> {
     }
 }
 
+/// An angle as it is written, and what makes radians of it.
+type Angle<'a> = (Field<'a>, fn(f64) -> f64);
+
 /// The one of two keys that is there, the second of which has radians for degrees.
-fn angle<'a>(table: &Table<'a>, [degrees, radians]: [&'static str; 2]) -> Result<Option<(Field<'a>, fn(f64) -> f64)>> {
+fn angle<'a>(table: &Table<'a>, [degrees, radians]: [&'static str; 2]) -> Result<Option<Angle<'a>>> {
     match (table.get(degrees), table.get(radians)) {
         (Some(field), None) => Ok(Some((field, f64::to_radians))),
         (None, Some(field)) => Ok(Some((field, |angle| angle))),
