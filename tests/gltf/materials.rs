@@ -14,10 +14,10 @@ fn principled(material: &Material) -> &Principled {
     }
 }
 
-/// The only material of a square.
+/// A square with the material, which is the first one.
 fn load(material: Value) -> SceneDesc {
     let desc = with_texture(material).load();
-    assert_eq!(desc.materials.len(), 1);
+    assert_eq!(desc.objects[0].material, 0);
     desc
 }
 
@@ -55,8 +55,27 @@ fn the_default_is_rough_white_metal_and_factors_are_taken_as_they_are() {
         (Scalar::Constant(0.25), Scalar::Constant(0.5))
     );
     assert_eq!((paint.ior, paint.spec_trans), (1.5, Scalar::Constant(0.0)));
-    // Alpha says nothing unless its mode does, and both sides look alike.
-    assert_eq!((material.opacity, material.back), (None, Back::Same));
+    // Alpha says nothing unless its mode does.
+    assert_eq!(material.opacity, None);
+}
+
+#[test]
+fn surfaces_look_alike_from_both_sides_and_glass_has_an_inside() {
+    for double_sided in [true, false] {
+        let desc = load(json!({ "doubleSided": double_sided, "normalTexture": { "index": 0 } }));
+        let [(_, front), (name, behind)] = &desc.materials[..] else {
+            panic!("{:?}", desc.materials);
+        };
+        assert_eq!((name.as_str(), front.back), ("materials[0], from behind", Back::Material(1)));
+        let as_front = Material {
+            back: Back::Material(1),
+            ..behind.clone()
+        };
+        assert_eq!((as_front, behind.back), (front.clone(), Back::Same));
+        assert_eq!(desc.objects[0].material, 0);
+    }
+    let glass = load(extended("KHR_materials_transmission", json!({ "transmissionFactor": 1 })));
+    assert_eq!((glass.materials.len(), glass.materials[0].1.back), (1, Back::Same));
 }
 
 #[test]

@@ -5,7 +5,7 @@ use super::support::Prepared;
 use embrace::accel::brute::Brute;
 use embrace::image::Image;
 use embrace::integrator::Settings;
-use embrace::material::{General, Scattering};
+use embrace::material::{General, Material, Scattering};
 use embrace::math::Rgb;
 use embrace::scene::{SceneDesc, SceneOptions};
 use serde_json::json;
@@ -56,9 +56,9 @@ fn a_textured_square_looks_as_in_the_native_format() {
             let Scattering::General(General::Principled(p)) = &material.scattering else {
                 panic!("{material:?}");
             };
-            material.scattering = Scattering::Diffuse {
+            *material = Material::new(Scattering::Diffuse {
                 reflectance: p.base_color,
-            };
+            });
         }
         let expected = render(native.as_ref().expect("a scene").clone());
         // All four corners of the texture are in the picture, and the background.

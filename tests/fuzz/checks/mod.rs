@@ -3,6 +3,7 @@
 
 pub(crate) mod alias;
 pub(crate) mod environment;
+pub(crate) mod gltf;
 pub(crate) mod mitsuba;
 pub(crate) mod obj;
 pub(crate) mod ply;
@@ -15,9 +16,10 @@ mod folder;
 pub(crate) type Check = fn(&[u8]);
 
 /// Every check by the name of its fuzz target and of its folder of the corpus.
-pub(crate) const ALL: [(&str, Check); 7] = [
+pub(crate) const ALL: [(&str, Check); 8] = [
     ("alias", alias::check),
     ("environment", environment::check),
+    ("gltf", gltf::check),
     ("mitsuba", mitsuba::check),
     ("obj", obj::check),
     ("ply", ply::check),
