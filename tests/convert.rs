@@ -13,6 +13,7 @@ use embrace::material::{
 };
 use embrace::math::{Affine2, DAffine3, DMat3, DVec3, Rgb, Vec2, Vec3};
 use embrace::mesh::TriangleMesh;
+use embrace::scene::ply::write_ply;
 use embrace::scene::{
     EnvironmentDesc, Falloff, LightDesc, LoadOptions, ObjectDesc, SceneDesc, SceneOptions, load, save,
 };
@@ -569,7 +570,8 @@ fn scenes_of_the_repository_look_the_same_once_converted() {
 }
 
 const MTL: &str = "newmtl tiles\nmap_Kd -s 2 3 1 -o 0.1 0.2 0 tiles.png\nmap_d tiles.png\nnewmtl gem\nillum 7\nNi 1.7\n\
-    newmtl metal\nPm 1\nPr 0.3\nKd 0.9 0.6 0.3\nnewmtl lamp\nKe 3 2 1\nKd 0.1 0.1 0.1\nnewmtl coat\nKs 0.1 0.2 0.3\nNs 300\n";
+    newmtl metal\nPm 1\nPr 0.3\nKd 0.9 0.6 0.3\nnewmtl lamp\nKe 3 2 1\nKd 0.1 0.1 0.1\nnewmtl coat\nKs 0.1 0.2 0.3\nNs 300\n\
+    map_d -imfchan g tiles.png\nnorm tiles.png\n";
 
 /// A square of each of the materials, and one without any.
 fn obj() -> String {
@@ -592,18 +594,22 @@ fn obj() -> String {
     obj
 }
 
-#[test]
-fn a_mesh_with_its_materials_looks_the_same_once_converted() {
-    let folder = Folder::empty();
-    folder.write("parts.obj", obj());
-    folder.write("parts.mtl", MTL);
+fn tiles() -> Vec<u8> {
     let mut tiles = std::io::Cursor::new(Vec::new());
     image::RgbaImage::from_fn(3, 2, |x, y| {
         image::Rgba([80 * x as u8, 200 * y as u8, 90, 100 + 70 * x as u8])
     })
     .write_to(&mut tiles, image::ImageFormat::Png)
     .unwrap();
-    folder.write("tiles.png", tiles.into_inner());
+    tiles.into_inner()
+}
+
+#[test]
+fn a_mesh_with_its_materials_looks_the_same_once_converted() {
+    let folder = Folder::empty();
+    folder.write("parts.obj", obj());
+    folder.write("parts.mtl", MTL);
+    folder.write("tiles.png", tiles());
     folder.done("convert parts.obj parts.toml --strict");
     let desc = load(&folder.path("parts.obj"), LoadOptions::default()).unwrap();
     assert_eq!(desc.objects.len(), 6);
@@ -622,6 +628,140 @@ fn a_mesh_with_its_materials_looks_the_same_once_converted() {
         rendered_by_program(&folder, "parts.obj"),
         rendered_by_program(&folder, "parts.toml")
     );
+}
+
+/// A square with normals, texture coordinates and colours, in two places, and what of glTF becomes something else here.
+const GLTF: &str = r#"{
+    "asset": {"version": "2.0"},
+    "extensionsUsed": ["KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_transmission",
+        "KHR_materials_clearcoat", "KHR_texture_transform"],
+    "extensions": {"KHR_lights_punctual": {"lights": [
+        {"type": "point", "intensity": 20.3, "color": [1, 0.8, 0.6]},
+        {"type": "spot", "intensity": 70.1, "spot": {"innerConeAngle": 0.3, "outerConeAngle": 0.7123}},
+        {"type": "directional", "intensity": 1.7}
+    ]}},
+    "scene": 0, "scenes": [{"nodes": [0, 1, 2, 3, 4, 5, 6]}],
+    "nodes": [
+        {"mesh": 0, "rotation": [0.1, 0.2, 0.3, 0.9273618495495703]},
+        {"mesh": 0, "translation": [1.3, 0.1, -0.7], "scale": [1.1, 0.7, -0.9]},
+        {"mesh": 1, "translation": [-1.3, 0.2, 0.1]},
+        {"camera": 0, "name": "near", "translation": [0, 0.3, 4]},
+        {"camera": 1, "name": "far", "translation": [0.5, 1, 7], "rotation": [-0.07, 0, 0, 0.9975469913743412]},
+        {"translation": [0.3, 2, 1], "extensions": {"KHR_lights_punctual": {"light": 0}},
+            "children": [7]},
+        {"rotation": [-0.5, 0.1, 0, 0.8602325267042626], "translation": [0, 3, 2],
+            "extensions": {"KHR_lights_punctual": {"light": 1}}},
+        {"rotation": [-0.6, 0, 0, 0.8], "extensions": {"KHR_lights_punctual": {"light": 2}}}
+    ],
+    "cameras": [
+        {"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.1, "aspectRatio": 1.333}},
+        {"type": "perspective", "perspective": {"yfov": 0.4, "znear": 0.1}}
+    ],
+    "images": [{"uri": "tiles.png"}],
+    "samplers": [{"wrapS": 33071, "wrapT": 33648, "magFilter": 9728}],
+    "textures": [{"source": 0, "sampler": 0}, {"source": 0}],
+    "materials": [
+        {"name": "cut", "alphaMode": "MASK", "alphaCutoff": 0.6, "doubleSided": true,
+            "pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "extensions":
+                {"KHR_texture_transform": {"offset": [0.1, 0.2], "rotation": 0.3, "scale": [2, 1.5]}}},
+                "metallicRoughnessTexture": {"index": 1}, "roughnessFactor": 0.7},
+            "normalTexture": {"index": 1, "scale": 0.8}},
+        {"alphaMode": "BLEND", "emissiveFactor": [0.9, 0.5, 0.1], "emissiveTexture": {"index": 1},
+            "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.6, 0.7, 0.8], "metallicFactor": 0.1},
+            "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 3.3},
+                "KHR_materials_transmission": {"transmissionFactor": 0.4},
+                "KHR_materials_clearcoat": {"clearcoatFactor": 0.5}}}
+    ],
+    "meshes": [
+        {"primitives": [
+            {"attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2, "COLOR_0": 3}, "indices": 4, "material": 0}]},
+        {"primitives": [
+            {"attributes": {"POSITION": 0, "TEXCOORD_0": 2}, "indices": 4, "material": 1},
+            {"attributes": {"POSITION": 0}, "indices": 4}]}
+    ],
+    "buffers": [{"uri": "square.bin", "byteLength": 188}],
+    "bufferViews": [{"buffer": 0, "byteLength": 176}, {"buffer": 0, "byteOffset": 176, "byteLength": 12}],
+    "accessors": [
+        {"bufferView": 0, "byteOffset": 0, "componentType": 5126, "count": 4, "type": "VEC3",
+            "min": [-0.5, -0.5, 0], "max": [0.5, 0.5, 0.1]},
+        {"bufferView": 0, "byteOffset": 48, "componentType": 5126, "count": 4, "type": "VEC3"},
+        {"bufferView": 0, "byteOffset": 96, "componentType": 5126, "count": 4, "type": "VEC2"},
+        {"bufferView": 0, "byteOffset": 128, "componentType": 5126, "count": 4, "type": "VEC3"},
+        {"bufferView": 1, "byteOffset": 0, "componentType": 5123, "count": 6, "type": "SCALAR"}
+    ]
+}"#;
+
+fn square() -> Vec<u8> {
+    let positions = [-0.5, -0.5, 0.0, 0.5, -0.5, 0.0, 0.5, 0.5, 0.1, -0.5, 0.5, 0.0f32];
+    let normals = [0.0, 0.0, 1.0, 0.1, 0.2, 0.9, 0.0, 0.6, 0.8, -0.3, 0.0, 1.0f32];
+    let uvs = [0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.1f32];
+    let colors = [1.0, 0.9, 0.8, 0.3, 1.0, 0.7, 0.5, 0.4, 1.0, 0.9, 0.9, 0.1f32];
+    let numbers = positions.iter().chain(&normals).chain(&uvs).chain(&colors);
+    let indices = [0, 1, 2, 0, 2, 3u16];
+    numbers
+        .flat_map(|c| c.to_le_bytes())
+        .chain(indices.iter().flat_map(|i| i.to_le_bytes()))
+        .collect()
+}
+
+#[test]
+fn a_scene_of_another_format_looks_the_same_once_converted_from_each_of_its_cameras() {
+    let folder = Folder::empty();
+    folder.write("scene.gltf", GLTF);
+    folder.write("square.bin", square());
+    folder.write("tiles.png", tiles());
+    let mut views = Vec::new();
+    for camera in ["near", "far"] {
+        folder.done(&format!("convert scene.gltf {camera}.toml --camera {camera} -q"));
+        let view = rendered_by_program(&folder, &format!("scene.gltf --camera {camera}"));
+        assert_eq!(
+            view,
+            rendered_by_program(&folder, &format!("{camera}.toml")),
+            "{camera}"
+        );
+        views.push(view);
+    }
+    assert_ne!(views[0], views[1]);
+    let desc = load(&folder.path("near.toml"), LoadOptions::default()).unwrap();
+    assert_eq!(desc.lights.len(), 3);
+    assert!(
+        desc.materials
+            .iter()
+            .any(|(_, m)| m.opacity.is_some() && m.relief.is_some())
+    );
+    assert!(desc.objects.iter().any(|o| o.emission_map.is_some()));
+    let info = folder.done("info near.toml").stdout;
+    assert!(info.contains("1 point, 1 spot, 1 distant"), "{info}");
+}
+
+#[test]
+fn a_mesh_with_colours_looks_the_same_once_converted() {
+    let folder = Folder::empty();
+    let colors = |scale: f32| (0..4).map(|i| Rgb::new(i as f32 / 3.0, 0.4, 1.0) * scale).collect();
+    let square = support::quad(Vec3::ZERO, Vec3::X, Vec3::Y).into_f64();
+    for (name, scale) in [("unit", 1.0), ("bright", 1.7)] {
+        let mut bytes = Vec::new();
+        let mesh = TriangleMesh {
+            colors: colors(scale),
+            ..square.clone()
+        };
+        write_ply(&mesh, &mut bytes).unwrap();
+        folder.write(&format!("{name}.ply"), bytes);
+        folder.done(&format!("convert {name}.ply {name}.toml -q"));
+        let view = rendered_by_program(&folder, &format!("{name}.ply"));
+        assert_eq!(view, rendered_by_program(&folder, &format!("{name}.toml")), "{name}");
+        let (_, pixels) = view;
+        assert_ne!(pixels[20 + 15 * 40], pixels[12 + 15 * 40], "no colour can be seen");
+    }
+    // Nor do surfaces of scene files reflect more than there is.
+    let painted = "[materials.red]\ntype = \"diffuse\"\nvertex_colors = true\n";
+    folder.write(
+        "scene.toml",
+        [CAMERA, SKY, painted, &FLOOR.replace("floor.obj", "bright.ply")].concat(),
+    );
+    let desc = load(&folder.path("scene.toml"), LoadOptions::default()).unwrap();
+    assert!(desc.meshes[0].colors.iter().all(|c| c.max_component() <= 1.0));
+    assert!(desc.warnings[0].contains("bright.ply"), "{:?}", desc.warnings);
 }
 
 #[test]

@@ -285,6 +285,27 @@ fn sanitise_colors(mesh: &mut TriangleMesh<DVec3>, path: &Path) -> Option<String
     })
 }
 
+/// Whether a material, or one that it refers to, has vertex colours somewhere.
+fn shows_vertex_colors(materials: &[(String, Material)], first: usize) -> bool {
+    let mut found = vec![first];
+    let mut next = 0;
+    while let Some(&index) = found.get(next) {
+        let material = &materials[index].1;
+        let mut has_any = false;
+        material.visit_spectra(&mut |spectrum| has_any |= matches!(spectrum, Spectrum::VertexColor(..)));
+        if has_any {
+            return true;
+        }
+        for part in material.parts().map(|part| part as usize) {
+            if !found.contains(&part) {
+                found.push(part);
+            }
+        }
+        next += 1;
+    }
+    false
+}
+
 /// A material of a mesh file, and the bitmaps it asks for, by [`MapKind`].
 struct MtlUse<'a> {
     mtl: &'a MtlMaterial,
@@ -326,7 +347,10 @@ fn assemble(file: SceneFile, base: &Path, mut hasher: blake3::Hasher) -> Result<
         .collect();
 
     for (entry, &obj) in file.meshes.iter().zip(&obj_of_entry) {
-        if entry.material.is_none() {
+        if entry
+            .material
+            .is_none_or(|material| shows_vertex_colors(&file.materials, material))
+        {
             let parts = &mut objs[obj].parts;
             warnings.extend(
                 parts

@@ -143,8 +143,8 @@ fn placement(table: &Table<'_>) -> Result<Affine2> {
     Ok(Affine2::from_cols(column(0), column(1), column(2)))
 }
 
-/// A colour as a value: a number for grey, three numbers, or a table as in [`colour`].
-pub(super) fn spectrum(field: &Field<'_>, role: RoleOf, context: &mut Context<'_>) -> Result<Spectrum> {
+/// A colour as a value: a number for grey, three numbers, or a table as in [`colour`], with its `limit`.
+pub(super) fn spectrum(field: &Field<'_>, limit: f64, role: RoleOf, context: &mut Context<'_>) -> Result<Spectrum> {
     if field.is_number() {
         return Ok(Spectrum::Constant(Rgb::splat(field.number_in(0.0, 1.0)? as f32)));
     }
@@ -154,7 +154,7 @@ pub(super) fn spectrum(field: &Field<'_>, role: RoleOf, context: &mut Context<'_
     let table = field
         .table()
         .map_err(|_| field.expected("a number, [r, g, b], or a table such as { texture = \"file\" }"))?;
-    let spectrum = colour(&table, 1.0, role, context)?;
+    let spectrum = colour(&table, limit, role, context)?;
     table.finish()?;
     spectrum.ok_or_else(|| field.error("has neither `rgb`, `texture`, `checkerboard` nor `vertex_colors`"))
 }

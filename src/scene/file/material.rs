@@ -1,7 +1,7 @@
 //! Materials. They refer to bitmaps and to each other by index as soon as they are read.
 
 use super::colour::{COLOUR, COVERAGE, NUMBERS, RoleOf, colour, scalar, spectrum, texture_map};
-use super::{Context, MAX_LENGTH, Result};
+use super::{Context, Result};
 use crate::bsdf::{CoatTable, Distribution, PLASTIC_MIN_ALPHA};
 use crate::material::{Back, General, MAX_NESTING, Material, Principled, Relief, Scalar, Scattering, Spectrum};
 use crate::math::Rgb;
@@ -15,8 +15,11 @@ const MAX_INDEX: f64 = 1e6;
 /// Indices of refraction that are allowed.
 const IOR: [f64; 2] = [0.01, 100.0];
 
-/// Largest factor on the slope of a normal map.
-const MAX_SLOPE: f64 = 1e6;
+/// Largest channel of coverage, which is the mean of the three: a single one can then be all of it.
+const MAX_COVERAGE: f64 = 3.0;
+
+/// Largest factor on relief, either way.
+const MAX_RELIEF: f64 = f32::MAX as f64;
 
 /// Words of `back` that name no material.
 pub(in crate::scene) const BACKS: [(&str, Back); 2] = [("same", Back::Same), ("black", Back::Black)];
@@ -54,7 +57,7 @@ pub(super) fn material(table: &Table<'_>, context: &mut Context<'_>) -> Result<M
         scattering: scattering(kind, table, context)?,
         opacity: table
             .get("opacity")
-            .map(|f| spectrum(&f, COVERAGE, context))
+            .map(|f| spectrum(&f, MAX_COVERAGE, COVERAGE, context))
             .transpose()?,
         relief: relief(table, context)?,
         back: table.get("back").map_or(Ok(Back::Same), |f| back(&f, context))?,
@@ -172,9 +175,9 @@ fn main_colour(table: &Table<'_>, context: &mut Context<'_>) -> Result<Spectrum>
 
 /// A factor that is 1 if nobody gives it.
 fn factor(key: &'static str, table: &Table<'_>, context: &mut Context<'_>) -> Result<Spectrum> {
-    table
-        .get(key)
-        .map_or(Ok(Spectrum::Constant(Rgb::WHITE)), |f| spectrum(&f, COLOUR, context))
+    table.get(key).map_or(Ok(Spectrum::Constant(Rgb::WHITE)), |f| {
+        spectrum(&f, 1.0, COLOUR, context)
+    })
 }
 
 /// One width, or one along each of the texture coordinates.
@@ -223,20 +226,22 @@ fn relief(table: &Table<'_>, context: &mut Context<'_>) -> Result<Option<Relief>
     if let (Some(_), Some(heights)) = (&normals, &heights) {
         return Err(heights.error("stands beside `normal_map`; keep one"));
     }
-    let mut map = |field: Field<'_>, role: RoleOf, limit: f64| -> Result<(TextureMap, f32)> {
+    let mut map = |field: Field<'_>, role: RoleOf| -> Result<(TextureMap, f32)> {
         let table = field.table()?;
         let map = texture_map(&table, role, context)?.ok_or_else(|| table.missing("texture"))?;
-        let scale = table.get("scale").map_or(Ok(1.0), |f| f.number_in(-limit, limit))? as f32;
+        let scale = table
+            .get("scale")
+            .map_or(Ok(1.0), |f| f.number_in(-MAX_RELIEF, MAX_RELIEF))? as f32;
         table.finish()?;
         Ok((map, scale))
     };
     Ok(match (normals, heights) {
         (Some(field), _) => {
-            let (map, scale) = map(field, NUMBERS, MAX_SLOPE)?;
+            let (map, scale) = map(field, NUMBERS)?;
             Some(Relief::NormalMap { map, scale })
         }
         (None, Some(field)) => {
-            let (map, scale) = map(field, Role::Height, MAX_LENGTH)?;
+            let (map, scale) = map(field, Role::Height)?;
             Some(Relief::BumpMap { map, scale })
         }
         (None, None) => None,

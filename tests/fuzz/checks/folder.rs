@@ -165,7 +165,15 @@ fn is_sound(material: &Material, textures: usize) -> bool {
     let map = |map: &TextureMap| (map.texture as usize) < textures && map.to_uv.is_finite();
     let unit = |v: f32| (0.0..=1.0).contains(&v);
     let mut spectra = true;
-    material.visit_spectra(&mut |spectrum| spectra &= is_sound_spectrum(spectrum, textures, in_unit));
+    let whole = Material {
+        opacity: None,
+        ..material.clone()
+    };
+    whole.visit_spectra(&mut |spectrum| spectra &= is_sound_spectrum(spectrum, textures, in_unit));
+    // One channel can be all of the mean.
+    let is_coverage = |rgb: Rgb| usable(rgb) && rgb.max_component() <= 3.0;
+    let opacity = material.opacity.as_ref();
+    spectra &= opacity.is_none_or(|spectrum| is_sound_spectrum(spectrum, textures, is_coverage));
     let scattering = match &material.scattering {
         Scattering::Diffuse { .. } => true,
         Scattering::Conductor { eta, k, alpha } => usable(*eta) && usable(*k) && unit(*alpha),
