@@ -276,6 +276,7 @@ fn scatterings(random: &mut Random) -> Vec<Scattering> {
                 flatness: other,
                 clearcoat: Scalar::Constant(random.unit()),
                 clearcoat_gloss: varying,
+                conserves: i % 2 == 0,
                 ..Principled::new(spectrum)
             }))),
             Scattering::General(General::Blend {

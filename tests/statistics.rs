@@ -447,6 +447,7 @@ fn imported_bsdfs() -> Vec<(String, Bsdf, f64)> {
             flatness: 0.3,
             clearcoat,
             clearcoat_gloss: 0.2,
+            conserves: spec_trans > 0.0,
             front: eta > 1.0,
             tangent,
         };
@@ -712,6 +713,7 @@ fn extreme_inputs_give_finite_samples() {
         flatness: 0.0,
         clearcoat: 0.0,
         clearcoat_gloss: 0.0,
+        conserves: true,
         front: true,
         tangent: [1.0, 0.0],
     };

@@ -128,7 +128,7 @@ fn mean_over_visible(facets: Smith, cos: f32, n: u32, scatter: impl Fn(Vec3, Vec
 /// The share of diffuse light that a smooth interface sends back into the denser side. For indices below 2 by the fit of
 /// Egan and Hilgeman 1973, as Mitsuba does: a white base then gets up to 0.12 % too much. It is 4 % at 2.5, and grows: there
 /// the integral is taken.
-fn smooth_internal_reflectance(ior: f32) -> f32 {
+pub(super) fn smooth_internal_reflectance(ior: f32) -> f32 {
     let eta = 1.0 / ior;
     if (1.0..2.0).contains(&ior) {
         return (0.7099 - 1.4399 * eta) * eta + 0.6681 + 0.0636 * ior;

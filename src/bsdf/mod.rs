@@ -369,6 +369,7 @@ mod tests {
                 flatness,
                 clearcoat,
                 clearcoat_gloss: 0.8,
+                conserves: false,
                 front: true,
                 tangent: [0.6, 0.8],
             })

@@ -2,13 +2,17 @@
 //! "Extending the Disney BRDF to a BSDF with Integrated Subsurface Scattering", 2015).
 //!
 //! A diffuse part with retro-reflection and sheen, GGX facets that reflect as metal and as a dielectric and transmit as
-//! tinted glass, and a coat. What facets reflect and transmit is at most what they get. But the sum is Burley's: neither what
-//! they reflect nor the coat's part, of at most 3.5 %, is taken from what is below. A white diffuse base of index 1.5 and
-//! roughness 0.5 so sends on 1.043 times what it gets along the normal, 1.060 at 53 degrees, 1.154 at 78, and 1.067 of light
-//! from all sides; colours below 0.9 stay below 1 but for grazing angles. It is left so, because imported scenes are to look
-//! as they did.
+//! tinted glass, and a coat. What facets reflect and transmit is at most what they get.
+//!
+//! Burley's sum does not take what facets reflect from the diffuse part: a white one of index 1.5 and roughness 0.5 sends on
+//! 1.043 times what it gets along the normal, 1.060 at 53 degrees, 1.154 at 78, and 1.067 of light from all sides. Scenes that were
+//! made for it are to look as they did, so it stays for them. Where `conserves` is set, the diffuse part is multiplied by
+//! (1 − F(θo)) (1 − F(θi)), which is reciprocal and leaves out light that goes back and forth below the facets. The coat's part, of
+//! at most 3.5 %, and the sheen are added in both.
+//!
 //! Directions are sampled by densities of our own.
 
+use super::coated::smooth_internal_reflectance;
 use super::dielectric::{Facet, fresnel_dielectric, radiance_scale};
 use super::smith::{Smith, into_frame, out_of_frame};
 use super::{BsdfEval, BsdfSample, Distribution, eta2_minus_sin2};
@@ -43,6 +47,8 @@ pub struct PrincipledBsdf {
     pub clearcoat: f32,
     /// Its gloss.
     pub clearcoat_gloss: f32,
+    /// Whether what facets reflect is taken from the diffuse part.
+    pub conserves: bool,
     /// Whether `wo` is outside.
     pub front: bool,
     /// Cosine and sine of the angle around the normal of the direction that highlights are stretched along.
@@ -170,7 +176,12 @@ impl PrincipledBsdf {
         let shape = (plain + retro) * (1.0 - self.flatness) + subsurface * self.flatness;
         let diffuse = self.base_color * (self.opaque() * shape * FRAC_1_PI);
         let sheen = self.hue(self.sheen_tint) * (self.sheen * (1.0 - self.metallic) * schlick_weight(cos_d));
-        (diffuse + sheen) * wi.z
+        let left = if self.conserves {
+            (1.0 - fresnel_dielectric(wo.z, self.eta)) * (1.0 - fresnel_dielectric(wi.z, self.eta))
+        } else {
+            1.0
+        };
+        (diffuse * left + sheen) * wi.z
     }
 
     /// What microfacets reflect and transmit under the cosine `cos`.
@@ -280,7 +291,8 @@ impl PrincipledBsdf {
         self.glass() > 0.0
     }
 
-    /// See [`super::Bsdf::albedo`]. The coat's part is a fit, within 0.002.
+    /// See [`super::Bsdf::albedo`]. The coat's part is a fit, within 0.002; where energy is conserved, the diffuse part is as if it did
+    /// not change with the angle, within 0.01.
     pub(super) fn albedo(&self) -> Rgb {
         let shares = self.shares(1.0);
         let specular = shares.reflected + shares.transmitted;
@@ -293,7 +305,14 @@ impl PrincipledBsdf {
         // What the coat's wide tails reflect below the horizon depends on their width.
         let gloss = self.clearcoat_gloss;
         let coat = self.clearcoat * (0.0257 + 0.0093 * gloss * gloss.sqrt());
-        specular + self.base_color * (self.opaque() * shape) + Rgb::splat(coat)
+        let left = if self.conserves {
+            // Of light from all sides, as much passes inwards as outwards.
+            let passes = self.eta * self.eta * (1.0 - smooth_internal_reflectance(self.eta));
+            (1.0 - fresnel_dielectric(1.0, self.eta)) * passes
+        } else {
+            1.0
+        };
+        specular + self.base_color * (self.opaque() * shape * left) + Rgb::splat(coat)
     }
 }
 
@@ -347,6 +366,7 @@ mod tests {
         flatness: 0.0,
         clearcoat: 0.0,
         clearcoat_gloss: 0.0,
+        conserves: false,
         front: true,
         tangent: [1.0, 0.0],
     };
@@ -431,6 +451,27 @@ mod tests {
         for (cos, expected) in [(1.0, 1.043), (0.6, 1.060), (0.2, 1.154)] {
             let sent = furnace(&white, cos);
             assert!((sent - expected).abs() < 5e-3, "cos {cos}: {sent} for {expected}");
+        }
+    }
+
+    #[test]
+    fn white_plastic_that_conserves_gains_nothing() {
+        for (eta, roughness) in [(1.5, 0.1), (1.5, 0.5), (1.5, 1.0), (2.0, 0.3)] {
+            let white = PrincipledBsdf {
+                base_color: Rgb::WHITE,
+                conserves: true,
+                roughness,
+                eta,
+                ..PLAIN
+            };
+            for cos in [1.0, 0.6, 0.2, 0.05] {
+                let sent = furnace(&white, cos);
+                // What goes back and forth below the facets is left out.
+                assert!(
+                    sent > 0.6 && sent < 1.0 + 1e-3,
+                    "index {eta}, roughness {roughness}, cos {cos}: {sent}"
+                );
+            }
         }
     }
 

@@ -73,7 +73,7 @@ pub struct Principled {
     pub base_color: Spectrum,
     /// Square root of the GGX width.
     pub roughness: Scalar,
-    /// How much longer highlights are across than along the first direction of the texture coordinates.
+    /// How much longer highlights are along than across the first direction of the texture coordinates.
     pub anisotropic: Scalar,
     /// Share of metal.
     pub metallic: Scalar,
@@ -93,6 +93,8 @@ pub struct Principled {
     pub clearcoat: Scalar,
     /// Gloss of that coat: from satin to shiny.
     pub clearcoat_gloss: Scalar,
+    /// Whether what facets reflect is taken from the diffuse part. Without, a white surface sends on more than it gets.
+    pub conserves: bool,
 }
 
 impl Principled {
@@ -112,6 +114,7 @@ impl Principled {
             flatness: zero,
             clearcoat: zero,
             clearcoat_gloss: zero,
+            conserves: true,
         }
     }
 }
@@ -189,6 +192,7 @@ impl General {
                 flatness: number(&p.flatness),
                 clearcoat: number(&p.clearcoat),
                 clearcoat_gloss: number(&p.clearcoat_gloss),
+                conserves: p.conserves,
                 front,
                 tangent: tangent(),
             }),

@@ -66,7 +66,10 @@ fn surfaces_look_alike_from_both_sides_and_glass_has_an_inside() {
         let [(_, front), (name, behind)] = &desc.materials[..] else {
             panic!("{:?}", desc.materials);
         };
-        assert_eq!((name.as_str(), front.back), ("materials[0], from behind", Back::Material(1)));
+        assert_eq!(
+            (name.as_str(), front.back),
+            ("materials[0], from behind", Back::Material(1))
+        );
         let as_front = Material {
             back: Back::Material(1),
             ..behind.clone()
@@ -74,7 +77,10 @@ fn surfaces_look_alike_from_both_sides_and_glass_has_an_inside() {
         assert_eq!((as_front, behind.back), (front.clone(), Back::Same));
         assert_eq!(desc.objects[0].material, 0);
     }
-    let glass = load(extended("KHR_materials_transmission", json!({ "transmissionFactor": 1 })));
+    let glass = load(extended(
+        "KHR_materials_transmission",
+        json!({ "transmissionFactor": 1 }),
+    ));
     assert_eq!((glass.materials.len(), glass.materials[0].1.back), (1, Back::Same));
 }
 

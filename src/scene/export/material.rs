@@ -153,6 +153,9 @@ fn add_principled(add: &mut impl FnMut(&'static str, Item), principled: &Princip
             add(key, scalar(&parameter, names));
         }
     }
+    if !principled.conserves {
+        add("conserves", false.into());
+    }
 }
 
 fn add_colour(add: &mut impl FnMut(&'static str, Item), spectrum: &Spectrum, names: &Names) {

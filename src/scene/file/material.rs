@@ -149,6 +149,7 @@ fn principled(table: &Table<'_>, context: &mut Context<'_>) -> Result<Principled
         flatness: parameter("flatness", default.flatness)?,
         clearcoat: parameter("clearcoat", default.clearcoat)?,
         clearcoat_gloss: parameter("clearcoat_gloss", default.clearcoat_gloss)?,
+        conserves: table.get("conserves").map_or(Ok(default.conserves), |f| f.flag())?,
         base_color: default.base_color,
     })
 }

@@ -264,6 +264,8 @@ impl Importer<'_> {
             flatness: number("flatness", 0.0)?,
             clearcoat: number("clearcoat", 0.0)?,
             clearcoat_gloss: number("clearcoat_gloss", 0.0)?,
+            // As Mitsuba has it.
+            conserves: false,
         };
         let (eta, specular) = (props.float("eta")?, props.float("specular")?);
         let eta = match (eta, specular) {
