@@ -7,6 +7,7 @@
 mod attribute;
 mod bsdf;
 mod emitter;
+mod mirrored;
 mod props;
 mod sensor;
 mod serialized;
@@ -45,6 +46,8 @@ pub(super) fn load(path: &Path, defines: &[(String, String)]) -> Result<SceneDes
         materials: Vec::new(),
         materials_of_nodes: HashMap::new(),
         default_materials: [None; 2],
+        mirrored_materials: HashMap::new(),
+        turned_textures: HashMap::new(),
         textures: Vec::new(),
         bitmaps: HashMap::new(),
         meshes: Vec::new(),
@@ -129,6 +132,9 @@ struct Importer<'a> {
     materials_of_nodes: HashMap<usize, u32>,
     /// Of surfaces without one, and of lamps without one.
     default_materials: [Option<u32>; 2],
+    /// What materials become on surfaces with mirrored texture coordinates, and what the textures of normal maps do.
+    mirrored_materials: HashMap<u32, u32>,
+    turned_textures: HashMap<u32, u32>,
     textures: Vec<Texture>,
     bitmaps: HashMap<(PathBuf, Role), u32>,
     meshes: Vec<Arc<TriangleMesh<DVec3>>>,

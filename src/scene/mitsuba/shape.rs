@@ -7,6 +7,7 @@ use super::super::load::{Hashing, LoadError};
 use super::super::obj;
 use super::attribute::Attribute;
 use super::bsdf::one_sided;
+use super::mirrored::is_mirrored;
 use super::props::Props;
 use super::xml::{Tag, Value};
 use super::{Importer, attribute, serialized, tessellate};
@@ -203,15 +204,24 @@ impl Importer<'_> {
         };
         props.finish()?;
         let name = self.name_of(node);
-        let object = |mesh| ObjectDesc {
-            name: name.clone(),
-            mesh,
-            material: material as usize,
-            to_world,
-            emission,
-            emission_map,
-        };
-        Ok(meshes.into_iter().map(object).collect())
+        let mut objects = Vec::new();
+        for mesh in meshes {
+            let is_mirrored = is_mirrored(&self.meshes[mesh]) != (to_world.matrix3.determinant() < 0.0);
+            let material = if is_mirrored {
+                self.for_mirrored(material)
+            } else {
+                material
+            };
+            objects.push(ObjectDesc {
+                name: name.clone(),
+                mesh,
+                material: material as usize,
+                to_world,
+                emission,
+                emission_map,
+            });
+        }
+        Ok(objects)
     }
 
     /// What surfaces without a BSDF are made of: lamps reflect nothing.
