@@ -7,7 +7,7 @@ use embrace::scene::ply::write_ply;
 use embrace::scene::{LoadError, LoadOptions, Scene, SceneDesc, SceneOptions, load};
 use embrace::texture::Wrap;
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
 struct Folder(TempDir);
@@ -34,7 +34,7 @@ impl Folder {
     }
 }
 
-fn read(path: &PathBuf) -> SceneDesc {
+fn read(path: &Path) -> SceneDesc {
     let desc = load(path, LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
     Scene::build(desc.clone(), SceneOptions::default()).expect("what is read can be built");
     desc

@@ -83,6 +83,9 @@ fn cut_short(what: &str, says: u64, there: usize) -> String {
     format!("{what} says it has {says} bytes, but {there} are there; copy or export the file again")
 }
 
+/// Kind and content.
+type Chunk<'a> = (&'a [u8; 4], &'a [u8]);
+
 /// The chunks of a GLB.
 struct Chunks<'a, F> {
     rest: &'a [u8],
@@ -90,7 +93,7 @@ struct Chunks<'a, F> {
 }
 
 impl<'a, F: Fn(String) -> LoadError> Chunks<'a, F> {
-    fn next(&mut self) -> Result<Option<(&'a [u8; 4], &'a [u8])>, LoadError> {
+    fn next(&mut self) -> Result<Option<Chunk<'a>>, LoadError> {
         if self.rest.is_empty() {
             return Ok(None);
         }

@@ -14,6 +14,9 @@ use gltf::json::texture::Info;
 use gltf::json::validation::Checked;
 use std::collections::HashMap;
 
+/// Materials and their names.
+type NamedMaterials = Vec<(String, Material)>;
+
 /// Least index of refraction: the principled model has none that is 1.
 const LEAST_IOR: f32 = 1.0001;
 
@@ -111,14 +114,14 @@ impl<'a> Materials<'a> {
         self.surfaces[material].is_lamp
     }
 
-    /// Reads the bitmaps.
+    /// Reads the bitmaps, and gives all materials and textures.
     pub(super) fn finish(
         self,
         buffers: &Buffers<'_>,
         hasher: &mut blake3::Hasher,
-    ) -> Result<(Vec<(String, Material)>, Vec<Texture>), LoadError> {
+    ) -> Result<(NamedMaterials, Vec<Texture>), LoadError> {
         let mut textures = self.textures.decode(self.asset, buffers, hasher)?;
-        let mut materials: Vec<(String, Material)> = self.surfaces.into_iter().map(|s| (s.name, s.material)).collect();
+        let mut materials: NamedMaterials = self.surfaces.into_iter().map(|s| (s.name, s.material)).collect();
         for (_, material) in &mut materials {
             // Bitmaps of opacity have no other use, and rays need not stop at what is opaque everywhere.
             if let Some(Spectrum::Bitmap(map, Rgb::WHITE)) = material.opacity
@@ -332,17 +335,14 @@ impl Reading<'_> {
         if extensions.specular.is_some() {
             self.specular(&mut principled, transmits);
         }
-        let volume = extensions.others.get("KHR_materials_volume");
-        match volume {
-            Some(volume) => {
-                if volume.get("attenuationDistance").is_some() {
-                    self.note("absorption within KHR_materials_volume is ignored");
-                }
+        match extensions.others.get("KHR_materials_volume") {
+            Some(volume) if volume.get("attenuationDistance").is_some() => {
+                self.note("absorption within KHR_materials_volume is ignored");
             }
             None if transmits => self.note(
                 "transmission without KHR_materials_volume is meant for a thin wall; it is shown as solid glass, which refracts",
             ),
-            None => {}
+            _ => {}
         }
         if let Some(clearcoat) = extensions.others.get("KHR_materials_clearcoat") {
             self.clearcoat(&mut principled, clearcoat)?;

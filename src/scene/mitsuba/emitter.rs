@@ -38,7 +38,7 @@ impl Importer<'_> {
             }
             "point" => {
                 let intensity = self.constant(&mut props, "intensity", 1.0, Use::Emission)?;
-                let to_world = props.to_world()?;
+                let to_world = props.take_to_world()?;
                 let position = props.vector("position")?.unwrap_or(to_world.translation);
                 self.lights.push(LightDesc::Point { position, intensity });
             }
@@ -49,7 +49,7 @@ impl Importer<'_> {
                 let intensity = self.constant(&mut props, "intensity", 1.0, Use::Emission)?;
                 let cutoff = props.float_in("cutoff_angle", 20.0, 1e-3..=180.0)?;
                 let beam = props.float_in("beam_width", cutoff * 0.75, 0.0..)?;
-                let to_world = props.to_world()?;
+                let to_world = props.take_to_world()?;
                 self.lights.push(LightDesc::Spot {
                     position: to_world.translation,
                     direction: to_world.matrix3.z_axis,
@@ -61,7 +61,7 @@ impl Importer<'_> {
             }
             "directional" => {
                 let irradiance = self.constant(&mut props, "irradiance", 1.0, Use::Emission)?;
-                let to_world = props.to_world()?;
+                let to_world = props.take_to_world()?;
                 let direction = props.vector("direction")?.unwrap_or(to_world.matrix3.z_axis);
                 if direction.try_normalize().is_none() {
                     return Err(props.error("has a direction without length"));
@@ -110,7 +110,7 @@ impl Importer<'_> {
         let filename = filename.ok_or_else(|| props.error("has no <string name=\"filename\">"))?;
         props.boolean("mis_compensation", false)?;
         let scale = props.float_in("scale", 1.0, 0.0..=1e30)? as f32;
-        let matrix = props.to_world()?.matrix3;
+        let matrix = props.take_to_world()?.matrix3;
         let is_rotation = (matrix.transpose() * matrix - DMat3::IDENTITY).abs_diff_eq(DMat3::ZERO, 1e-3);
         if !is_rotation {
             return Err(props.error("has a to_world that scales or shears; expected a rotation"));

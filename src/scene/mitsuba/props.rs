@@ -153,8 +153,8 @@ impl<'a> Props<'a> {
         })
     }
 
-    /// `to_world`, which is the identity where it is absent.
-    pub(super) fn to_world(&mut self) -> Result<DAffine3, LoadError> {
+    /// Takes `to_world`, which is the identity where it is absent.
+    pub(super) fn take_to_world(&mut self) -> Result<DAffine3, LoadError> {
         match self.matrix("to_world")? {
             None => Ok(DAffine3::IDENTITY),
             Some(matrix) => transform::affine(&matrix).map_err(|problem| {

@@ -56,7 +56,7 @@ impl Importer<'_> {
         let aspect = f64::from(resolution[0]) / f64::from(resolution[1]);
         let vfov_degrees = vertical_angle(&mut props, aspect)?;
 
-        let to_world = props.to_world()?;
+        let to_world = props.take_to_world()?;
         let matrix = to_world.matrix3;
         let is_rotation = (matrix.transpose() * matrix - DMat3::IDENTITY).abs_diff_eq(DMat3::ZERO, 1e-3);
         if !is_rotation {

@@ -61,7 +61,7 @@ impl Importer<'_> {
                 Ok(())
             }
             "instance" => {
-                let to_world = props.to_world()?;
+                let to_world = props.take_to_world()?;
                 let group = props.child(Tag::Shape)?;
                 let is_group = |&group: &usize| self.document.nodes[group].plugin == "shapegroup";
                 let group = group
@@ -123,7 +123,7 @@ impl Importer<'_> {
 
     fn simple_shape(&mut self, node: usize) -> Result<Vec<ObjectDesc>, LoadError> {
         let mut props = Props::new(self.document, node);
-        let mut to_world = props.to_world()?;
+        let mut to_world = props.take_to_world()?;
         let mut is_flipped = props.boolean("flip_normals", false)?;
         // For derivatives of images.
         props.ignore(&["silhouette_sampling_weight"]);
