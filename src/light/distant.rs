@@ -44,7 +44,7 @@ struct Disc {
 
 impl DistantLight {
     /// Light that goes along `direction` (any length above 0) and brings so much to a surface that faces it [W·m⁻²]. `radius`:
-    /// of the disc that it comes from, an angle [rad] in [0, π/2); 0 is parallel light.
+    /// of the disc that it comes from, an angle in radians, in [0, π/2); 0 is parallel light.
     pub fn new(direction: DVec3, irradiance: Rgb, radius: f64) -> DistantLight {
         let height = 2.0 * (0.5 * radius).sin().powi(2);
         let disc = Disc {

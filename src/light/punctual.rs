@@ -101,7 +101,7 @@ impl PunctualLight {
     }
 
     /// A cone around `direction` (any length above 0), whose intensity is all of `intensity` up to the first and none from
-    /// the second of two angles [rad] in [0, π], the second above the first.
+    /// the second of two angles in radians, in [0, π], the second above the first.
     pub fn spot(position: Vec3, direction: DVec3, intensity: Rgb, angles: [f64; 2], falloff: Falloff) -> PunctualLight {
         PunctualLight {
             position,
@@ -111,7 +111,7 @@ impl PunctualLight {
         }
     }
 
-    /// Emitted power as luminance [W].
+    /// Emitted power as luminance, in watts.
     pub fn power(&self) -> f64 {
         let solid_angle = self.cone.map_or(4.0 * PI, |cone| cone.solid_angle());
         solid_angle * f64::from(self.intensity.luminance())

@@ -32,7 +32,7 @@ use thiserror::Error;
 pub struct LoadOptions {
     /// Whether what would be a warning is an error.
     pub strict: bool,
-    /// Angle at an edge [degrees], below which faces of meshes without normals are smoothed: [`TriangleMesh::smooth`]. `None`
+    /// Angle at an edge in degrees, below which faces of meshes without normals are smoothed: [`TriangleMesh::smooth`]. `None`
     /// leaves them flat.
     pub smooth_angle: Option<f64>,
     /// Name of the camera of a glTF file, or of its node; without, the first one. Other formats have one camera.

@@ -47,7 +47,7 @@ pub struct Conditions {
     pub scene_resolution: [u32; 2],
     /// Depth limit of scene or command line.
     pub max_depth: Option<u32>,
-    /// Angle that meshes without normals are smoothed by [degrees].
+    /// Angle that meshes without normals are smoothed by in degrees.
     pub smooth_angle: Option<f64>,
     /// Backends with their versions; the first is the one of all settings but those that name another.
     pub backends: Vec<String>,
