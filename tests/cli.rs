@@ -4,7 +4,8 @@ mod support;
 
 use embrace::image::exr::ExrMetadata;
 use embrace::image::{Image, exr, ldr};
-use embrace::math::Rgb;
+use embrace::math::{Rgb, Vec3};
+use embrace::scene::ply::write_ply;
 use serde_json::Value;
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
@@ -1100,7 +1101,20 @@ fn the_complete_example_of_the_documentation_renders_without_a_warning() {
     folder.write("floor.obj", SQUARE);
     folder.write("ball.obj", SQUARE);
     folder.write("lamp.obj", SQUARE);
-    folder.write("tiles.png", png_of(&Image::filled(4, 4, [90, 60, 200])));
+    let mut scan = Vec::new();
+    let square = support::quad(Vec3::ZERO, Vec3::Z, Vec3::X).into_f64();
+    write_ply(&square, &mut scan).unwrap();
+    folder.write("scan.ply", scan);
+    let bitmap = png_of(&Image::filled(4, 4, [90, 60, 200]));
+    for name in [
+        "tiles.png",
+        "leather.jpg",
+        "leather-roughness.png",
+        "leather-height.png",
+    ] {
+        // Formats are told by the content.
+        folder.write(name, &bitmap);
+    }
     folder.write("sky.exr", exr_of(&Image::filled(8, 4, Rgb::new(0.2, 0.3, 0.6))));
     let ran = folder.done("render scene.toml -o out.exr --spp 2 --resolution 32x24 --strict");
     assert_progress(&ran.stderr);
