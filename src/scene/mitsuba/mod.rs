@@ -4,7 +4,6 @@
 //! parameter that is not used in the end is an error, as it is in Mitsuba. What is read, approximated and refused is listed
 //! in `docs/scene-format.md`.
 
-mod attribute;
 mod bsdf;
 mod emitter;
 mod mirrored;

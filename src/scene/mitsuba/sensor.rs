@@ -175,7 +175,8 @@ impl Importer<'_> {
         let mut props = Props::new(self.document, node);
         props.ignore(&["block_size", "samples_per_pass", "timeout", "rr_depth"]);
         let depth = match props.node.plugin.as_str() {
-            "path" => {
+            // Media are refused: without them these are the same.
+            "path" | "volpath" | "volpathmis" => {
                 let depth = props.integer("max_depth")?.unwrap_or(-1);
                 match u32::try_from(depth) {
                     // The last edge of a path ends at a light, where nothing scatters.
@@ -208,7 +209,7 @@ impl Importer<'_> {
             }
             _ => {
                 return Err(
-                    props.error("is not supported; supported integrators: path, direct, and moment or aov around them")
+                    props.error("is not supported; supported integrators: path, direct, volpath, volpathmis, and moment or aov around them")
                 );
             }
         };

@@ -2,8 +2,6 @@
 
 use super::super::input::read_file;
 use super::super::load::LoadError;
-use super::attribute::Attribute;
-use super::shape::Loaded;
 use crate::math::{DVec3, Vec2, Vec3};
 use crate::mesh::TriangleMesh;
 use flate2::read::ZlibDecoder;
@@ -26,6 +24,14 @@ const OLD_DOUBLE: u32 = 0x2000;
 const FACE_NORMALS: u32 = 0x10;
 const TANGENTS: u32 = 0x2;
 const UVS: u32 = 0x4;
+
+/// A mesh of a file.
+#[derive(Debug)]
+pub(super) struct Loaded {
+    pub(super) mesh: TriangleMesh<DVec3>,
+    /// Whether the file says that it has no smooth normals.
+    pub(super) has_face_normals: bool,
+}
 
 /// Reads one mesh of a file, counted from 0; with the hash over the file.
 pub(super) fn read(path: &Path, index: u32) -> Result<(Loaded, blake3::Hash), LoadError> {
@@ -120,24 +126,23 @@ fn versions_3_and_4(stream: &mut Stream, version: u16) -> Result<Loaded, String>
         .chunks_exact(3)
         .map(|c| [c[0], c[1], c[2]])
         .collect();
-    Ok(finished(mesh, Vec::new(), has(FACE_NORMALS)))
+    Ok(finished(mesh, has(FACE_NORMALS)))
 }
 
 fn version_5(stream: &mut Stream) -> Result<Loaded, String> {
     let flags = stream.u32()?;
     let has = |flag: u32| flags & flag != 0;
     stream.text()?;
-    let [vertices, triangles, places, groups] = [stream.u64()?, stream.u64()?, stream.u64()?, stream.u64()?];
+    let [vertices, triangles] = [stream.u64()?, stream.u64()?];
+    // How many vertices are one place, and how many have one normal; what follows the faces is not needed.
+    stream.bytes::<16>()?;
     if has(TANGENTS) {
         return Err("the mesh stores tangents, which is not supported".into());
     }
-    let maps = 4 * (u64::from(places > 0) + u64::from(groups > 0));
-    stream.check(&[(vertices, 32 + maps), (triangles, 16)])?;
+    stream.check(&[(vertices, 32), (triangles, 16)])?;
     let [vertices, triangles] = [vertices as usize, triangles as usize];
     let records = stream.singles(8 * vertices)?;
     let faces = stream.indices(4 * triangles)?;
-    // Which vertices are one place, and which have one normal.
-    stream.indices(vertices * (maps as usize / 4))?;
     let mut mesh = TriangleMesh {
         positions: records
             .chunks_exact(8)
@@ -153,39 +158,12 @@ fn version_5(stream: &mut Stream) -> Result<Loaded, String> {
     if has(UVS) {
         mesh.uvs = records.chunks_exact(8).map(|r| finite(Vec2::new(r[6], r[7]))).collect();
     }
-    let mut attributes = Vec::new();
-    for _ in 0..stream.u32()? {
-        let name = stream.text()?;
-        stream.bytes::<1>()?;
-        let count = stream.u32()?;
-        let items = if name.starts_with("face_") { triangles } else { vertices };
-        if !(1..=4).contains(&count) {
-            return Err(format!("the attribute \"{name}\" has {count} numbers each"));
-        }
-        stream.check(&[(items as u64, 4 * u64::from(count))])?;
-        attributes.push(Attribute {
-            name,
-            count: count as usize,
-            values: stream.singles(items * count as usize)?,
-        });
-    }
-    Ok(finished(mesh, attributes, has(FACE_NORMALS)))
+    Ok(finished(mesh, has(FACE_NORMALS)))
 }
 
-fn finished(mut mesh: TriangleMesh<DVec3>, attributes: Vec<Attribute>, has_face_normals: bool) -> Loaded {
+fn finished(mut mesh: TriangleMesh<DVec3>, has_face_normals: bool) -> Loaded {
     mesh.repair_normals();
-    if has_face_normals {
-        // Corners of their own keep smoothing by vertex from changing anything.
-        mesh.normals.clear();
-        if attributes.is_empty() {
-            super::tessellate::split(&mut mesh);
-        }
-    }
-    Loaded {
-        mesh,
-        attributes,
-        is_by_place: false,
-    }
+    Loaded { mesh, has_face_normals }
 }
 
 fn vectors(numbers: &[f32]) -> Vec<Vec3> {

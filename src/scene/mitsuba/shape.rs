@@ -2,20 +2,19 @@
 
 use super::super::build::is_invertible;
 use super::super::desc::ObjectDesc;
-use super::super::input::open;
+use super::super::input::{open, read_file};
 use super::super::load::{Hashing, LoadError};
-use super::super::obj;
-use super::attribute::Attribute;
+use super::super::{obj, ply};
 use super::bsdf::one_sided;
 use super::mirrored::is_mirrored;
 use super::props::Props;
 use super::xml::{Tag, Value};
-use super::{Importer, attribute, serialized, tessellate};
+use super::{Importer, serialized, tessellate};
 use crate::material::{Scattering, Spectrum};
 use crate::math::{DAffine3, DMat3, DVec3, Rgb};
 use crate::mesh::TriangleMesh;
 use std::collections::HashSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 const SUPPORTED: &str = "obj, ply, serialized, rectangle, cube, sphere, disk, cylinder, shapegroup and instance";
@@ -25,7 +24,8 @@ const SUPPORTED: &str = "obj, ply, serialized, rectangle, cube, sphere, disk, cy
 pub(super) struct MeshKey {
     source: Source,
     is_flipped: bool,
-    has_face_normals: bool,
+    /// What the scene says about it.
+    has_face_normals: Option<bool>,
     /// The attribute that is kept as colours.
     attribute: Option<String>,
 }
@@ -40,14 +40,6 @@ enum Source {
     Obj { path: PathBuf, flips_v: bool },
     Ply { path: PathBuf, flips_v: bool },
     Serialized { path: PathBuf, index: u32 },
-}
-
-/// A mesh of a file, before the parameters of its shape are applied.
-pub(super) struct Loaded {
-    pub(super) mesh: TriangleMesh<DVec3>,
-    pub(super) attributes: Vec<Attribute>,
-    /// Whether normals that are missing are computed by place: vertices of one place are one.
-    pub(super) is_by_place: bool,
 }
 
 impl Importer<'_> {
@@ -183,7 +175,15 @@ impl Importer<'_> {
             source,
             Source::Obj { .. } | Source::Ply { .. } | Source::Serialized { .. }
         );
-        let has_face_normals = (has_file || source == Source::Cube) && props.boolean("face_normals", false)?;
+        let says = props
+            .node
+            .properties
+            .iter()
+            .any(|property| property.name == "face_normals");
+        let has_face_normals = match says && (has_file || source == Source::Cube) {
+            true => Some(props.boolean("face_normals", false)?),
+            false => None,
+        };
         let key = MeshKey {
             source,
             is_flipped,
@@ -268,43 +268,39 @@ impl Importer<'_> {
         if let Some(meshes) = self.meshes_of_keys.get(&key) {
             return Ok(meshes.clone());
         }
-        let plain = |mesh| {
-            let attributes = Vec::new();
-            vec![Loaded {
-                mesh,
-                attributes,
-                is_by_place: false,
-            }]
-        };
-        let loaded = match &key.source {
-            Source::Rectangle => plain(tessellate::rectangle()),
-            Source::Cube => plain(tessellate::cube()),
-            Source::Sphere => plain(tessellate::sphere()),
-            Source::Disk => plain(tessellate::disk()),
-            Source::Cylinder => plain(tessellate::cylinder()),
-            Source::Obj { path, flips_v } => self.load_obj(path.clone(), *flips_v)?,
-            Source::Ply { .. } => return Err(props.error("is not supported yet")),
+        let mut loaded = match &key.source {
+            Source::Rectangle => vec![tessellate::rectangle()],
+            Source::Cube => vec![tessellate::cube()],
+            Source::Sphere => vec![tessellate::sphere()],
+            Source::Disk => vec![tessellate::disk()],
+            Source::Cylinder => vec![tessellate::cylinder()],
+            Source::Obj { path, flips_v } => self.load_obj(&key, path, *flips_v)?,
+            Source::Ply { path, flips_v } => self.load_ply(props, &key, path, *flips_v)?,
             Source::Serialized { path, index } => {
-                let (loaded, hash) = serialized::read(path, *index)?;
+                let (serialized, hash) = serialized::read(path, *index)?;
                 self.hasher.update(hash.as_bytes());
-                vec![loaded]
+                let mut mesh = serialized.mesh;
+                // The scene's word goes before the file's.
+                shade(
+                    &mut mesh,
+                    key.has_face_normals.unwrap_or(serialized.has_face_normals),
+                    false,
+                );
+                vec![mesh]
             }
         };
-        let mut meshes = Vec::new();
-        for Loaded {
-            mut mesh,
-            attributes,
-            is_by_place,
-        } in loaded
+        if key.source == Source::Cube && key.has_face_normals == Some(true) {
+            loaded.iter_mut().for_each(|mesh| mesh.normals.clear());
+        }
+        if let Some(name) = &key.attribute
+            && loaded.iter().any(|mesh| mesh.colors.is_empty())
         {
-            if key.has_face_normals {
-                mesh.normals.clear();
-            } else if mesh.normals.is_empty() {
-                tessellate::smooth(&mut mesh, is_by_place);
-            }
-            if let Some(name) = &key.attribute {
-                attribute::apply(&mut mesh, &attributes, name).map_err(|problem| props.error(problem))?;
-            }
+            return Err(props.error(format!(
+                "has no mesh attribute \"{name}\", which its material asks for; only ply shapes have such"
+            )));
+        }
+        let mut meshes = Vec::new();
+        for mut mesh in loaded {
             if key.is_flipped {
                 tessellate::flip(&mut mesh);
             }
@@ -315,34 +311,74 @@ impl Importer<'_> {
         Ok(meshes)
     }
 
-    fn load_obj(&mut self, path: PathBuf, flips_v: bool) -> Result<Vec<Loaded>, LoadError> {
-        let file = open(&path).map_err(|source| LoadError::Read {
-            path: path.clone(),
+    fn load_obj(&mut self, key: &MeshKey, path: &Path, flips_v: bool) -> Result<Vec<TriangleMesh<DVec3>>, LoadError> {
+        let file = open(path).map_err(|source| LoadError::Read {
+            path: path.to_owned(),
             source,
         })?;
         let mut reader = Hashing::new(file);
         // Its own materials have no meaning here.
-        let scene = obj::read(&path, &mut reader, |_| Ok(Vec::new()))?;
+        let scene = obj::read(path, &mut reader, |_| Ok(Vec::new()))?;
         self.hasher.update(reader.finish().as_bytes());
-        for warning in scene
-            .warnings
-            .into_iter()
-            .filter(|warning| !warning.contains("material"))
-        {
-            self.warn(warning);
-        }
-        let loaded = |part: obj::ObjPart| {
+        let warnings = scene.warnings.into_iter();
+        self.warnings
+            .extend(warnings.filter(|warning| !warning.contains("material")));
+        let finished = |part: obj::ObjPart| {
             let mut mesh = part.mesh;
+            // Colours of vertices are attributes, which only PLY files have there.
+            mesh.colors.clear();
             if flips_v {
-                mesh.uvs.iter_mut().for_each(|uv| uv.y = 1.0 - uv.y);
+                flip_v(&mut mesh);
             }
-            Loaded {
-                mesh,
-                attributes: Vec::new(),
-                is_by_place: true,
-            }
+            shade(&mut mesh, key.has_face_normals == Some(true), true);
+            mesh
         };
-        Ok(scene.parts.into_iter().map(loaded).collect())
+        Ok(scene.parts.into_iter().map(finished).collect())
+    }
+
+    fn load_ply(
+        &mut self,
+        props: &Props,
+        key: &MeshKey,
+        path: &Path,
+        flips_v: bool,
+    ) -> Result<Vec<TriangleMesh<DVec3>>, LoadError> {
+        let bytes = read_file(path)?;
+        self.hasher.update(blake3::hash(&bytes).as_bytes());
+        let mut ply = ply::read(path, &bytes)?;
+        self.warnings.append(&mut ply.warnings);
+        if flips_v {
+            flip_v(&mut ply.mesh);
+        }
+        shade(&mut ply.mesh, key.has_face_normals == Some(true), false);
+        let Some(name) = &key.attribute else {
+            return Ok(vec![ply.mesh]);
+        };
+        let names: Vec<String> = ply.attributes.iter().map(|attribute| attribute.name.clone()).collect();
+        let mesh = ply.into_mesh_colored_by(name).ok_or_else(|| {
+            let has = if names.is_empty() {
+                "none".to_owned()
+            } else {
+                names.join(", ")
+            };
+            props.error(format!(
+                "has no mesh attribute \"{name}\", which its material asks for; its file has {has}"
+            ))
+        })?;
+        Ok(vec![mesh])
+    }
+}
+
+fn flip_v(mesh: &mut TriangleMesh<DVec3>) {
+    mesh.uvs.iter_mut().for_each(|uv| uv.y = 1.0 - uv.y);
+}
+
+/// Gives a mesh the normals that it is to have: none, or smooth ones, by place or by vertex, where it brings none.
+fn shade(mesh: &mut TriangleMesh<DVec3>, has_face_normals: bool, by_place: bool) {
+    if has_face_normals {
+        mesh.normals.clear();
+    } else if mesh.normals.is_empty() {
+        tessellate::smooth(mesh, by_place);
     }
 }
 

@@ -179,20 +179,3 @@ pub(super) fn smooth(mesh: &mut TriangleMesh<DVec3>, by_place: bool) {
     let unit = |number: &usize| sums[*number].try_normalize().map_or(Vec3::ZERO, |n| n.as_vec3());
     mesh.normals = number_of.iter().map(unit).collect();
 }
-
-/// Gives each triangle corners of its own, so that what varies by triangle can be kept at them.
-pub(super) fn split(mesh: &mut TriangleMesh<DVec3>) {
-    let corners: Vec<usize> = mesh.indices.iter().flatten().map(|&i| i as usize).collect();
-    fn pick<T: Copy>(values: &mut Vec<T>, corners: &[usize]) {
-        if !values.is_empty() {
-            *values = corners.iter().map(|&i| values[i]).collect();
-        }
-    }
-    pick(&mut mesh.positions, &corners);
-    pick(&mut mesh.normals, &corners);
-    pick(&mut mesh.uvs, &corners);
-    pick(&mut mesh.colors, &corners);
-    mesh.indices = (0..corners.len() as u32 / 3)
-        .map(|t| [3 * t, 3 * t + 1, 3 * t + 2])
-        .collect();
-}
