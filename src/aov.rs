@@ -230,7 +230,7 @@ impl FirstHits {
                     };
                     // Mixtures are chosen from by the sampler, as the image does.
                     let sampler = Sampler::new(settings.sampler, settings.seed, x, y, sample);
-                    let bsdf = scene.general_bsdf(&hit, &mut si, || sampler.get_1d(Dimension::Blend));
+                    let (bsdf, _) = scene.general_bsdf(&hit, &mut si, || sampler.get_1d(Dimension::Blend));
                     let sums = &mut sums[((y - band.y0) * band.width() + (x - band.x0)) as usize];
                     sums.albedo += DVec3::from(bsdf.albedo().to_array().map(f64::from));
                     sums.normal += si.frame.n.as_dvec3();

@@ -5,6 +5,7 @@ use crate::bsdf::{Bsdf, BsdfSample};
 use crate::columns::{Column, Columns, LANES};
 use crate::interaction::{ShadingTriangle, SurfaceInteraction};
 use crate::light::{AreaLightColumns, Emitter, EnvironmentColumns, LightSample};
+use crate::material::ReliefShadow;
 use crate::math::{DVec3, Frame, Rgb, Vec3};
 use crate::sampling::{Sampler, SamplerKind};
 use serde::Serialize;
@@ -222,7 +223,7 @@ pub(super) struct Vertices {
     pub(super) roulette: Column<f32>,
     /// Albedo where scattering is diffuse; the others are listed with their lanes.
     pub(super) reflectance: Columns<3>,
-    pub(super) others: Vec<(u32, Bsdf)>,
+    pub(super) others: Vec<(u32, Bsdf, Option<ReliefShadow>)>,
     /// The normal on whose side light counts; zero where both sides do.
     pub(super) light_side: Columns<3>,
     /// The emitter to sample, and the probability of it; the triangle, or the place on the environment.

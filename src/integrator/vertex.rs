@@ -299,23 +299,24 @@ impl<const F: u32> Shading<'_, F> {
         vertices.others.clear();
         for (i, hit) in hits.iter().enumerate() {
             let is_general = Self::GENERAL && self.scene.surfaces[hit.placement as usize].is_general;
-            let bsdf = if is_general {
+            let (bsdf, shadow) = if is_general {
                 let sampler = paths.sampler(i, self.settings.sampler, depth);
                 let mut si = self.interaction(i, paths, vertices);
                 let choice = || sampler.get_1d(Dimension::Blend);
-                let bsdf = self.scene.general_bsdf(hit, &mut si, choice);
+                let scattering = self.scene.general_bsdf(hit, &mut si, choice);
                 vertices.ns.set(i, si.frame.n);
-                bsdf
+                scattering
             } else {
-                self.bsdf(hit, vertices.front[i] > 0.0)
+                (self.bsdf(hit, vertices.front[i] > 0.0), None)
             };
             match bsdf {
                 Bsdf::Diffuse(Diffuse { reflectance })
-                    if self.settings.bounce_sampling == BounceSampling::Bsdf || reflectance.is_black() =>
+                    if (self.settings.bounce_sampling == BounceSampling::Bsdf && shadow.is_none())
+                        || reflectance.is_black() =>
                 {
                     vertices.reflectance.set(i, reflectance);
                 }
-                _ => vertices.others.push((i as u32, bsdf)),
+                _ => vertices.others.push((i as u32, bsdf, shadow)),
             }
         }
     }
@@ -510,7 +511,8 @@ impl<const F: u32> Shading<'_, F> {
     fn scatter_others(self, depth: u32, paths: &Paths, vertices: &mut Vertices) {
         let mis = self.settings.mis;
         for k in 0..vertices.others.len() {
-            let (i, bsdf) = vertices.others[k];
+            let (i, bsdf, relief) = vertices.others[k];
+            let relief = relief.filter(|_| Self::GENERAL);
             let i = i as usize;
             if bsdf.is_black() {
                 vertices.set_shadow(i, None);
@@ -522,7 +524,10 @@ impl<const F: u32> Shading<'_, F> {
             let light = vertices.light(i);
             let shadow = if light.pdf_w > 0.0 {
                 let wi = si.frame.to_local(light.wi);
-                let eval = bsdf.eval(wo, wi);
+                let mut eval = bsdf.eval(wo, wi);
+                if let Some(relief) = relief {
+                    eval.value *= relief.factor(wi);
+                }
                 let pdf_w = self.bounce_pdf_w(&bsdf, wi, eval.pdf_w);
                 Self::direct(mis, &light, &si, wi, eval, pdf_w, paths.throughput.rgb(i))
             } else {
@@ -530,7 +535,13 @@ impl<const F: u32> Shading<'_, F> {
             };
             vertices.set_shadow(i, shadow);
             let sampler = paths.sampler(i, self.settings.sampler, depth);
-            let sample = self.sample_bounce(&bsdf, wo, &sampler, vertices.direction.get(i));
+            let mut sample = self.sample_bounce(&bsdf, wo, &sampler, vertices.direction.get(i));
+            if let Some(relief) = relief {
+                sample = sample.map(|sample| BsdfSample {
+                    weight: sample.weight * relief.factor(sample.wi),
+                    ..sample
+                });
+            }
             vertices.set_bounce(i, &si.frame, sample);
         }
     }

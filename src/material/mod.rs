@@ -9,7 +9,7 @@ mod relief;
 mod spectrum;
 
 pub use general::{General, Principled};
-pub use relief::Relief;
+pub use relief::{Relief, ReliefShadow};
 pub use spectrum::{Channel, Checkerboard, Scalar, Spectrum, SurfacePoint};
 
 /// Materials within materials, at most.

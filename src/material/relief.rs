@@ -1,6 +1,6 @@
 //! Relief that is shaded but not modelled: normal maps and bump maps.
 
-use crate::math::{Vec2, Vec3};
+use crate::math::{Frame, Vec2, Vec3};
 use crate::texture::{Texture, TextureMap};
 
 /// What turns the shading normal.
@@ -57,11 +57,69 @@ impl Relief {
     }
 }
 
+/// The share of light that reaches a surface whose normal is turned, past the relief that is not there: as microfacets shade
+/// each other (Estevez, Lecocq and Stein 2019, "A Microfacet-Based Shadowing Function to Solve the Bump Terminator Problem").
+/// Without it, light ends at once where the surface itself turns away.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ReliefShadow {
+    /// The normal before it was turned, in the local frame of the one after.
+    plain: Vec3,
+    /// Square of the width of the microfacets.
+    alpha_squared: f32,
+}
+
+impl ReliefShadow {
+    /// For the unit normal `plain` that was turned to that of `frame`.
+    pub fn new(plain: Vec3, frame: &Frame) -> ReliefShadow {
+        let plain = frame.to_local(plain);
+        ReliefShadow {
+            plain,
+            alpha_squared: (0.125 * tan_squared(plain.z)).min(1.0),
+        }
+    }
+
+    /// For light from the local direction `wi`; 0 if it is on different sides of the two normals.
+    pub fn factor(&self, wi: Vec3) -> f32 {
+        let cos = self.plain.dot(wi);
+        if (cos > 0.0) == (wi.z > 0.0) {
+            2.0 / (1.0 + (1.0 + self.alpha_squared * tan_squared(cos)).sqrt())
+        } else {
+            0.0
+        }
+    }
+}
+
+fn tan_squared(cos: f32) -> f32 {
+    let cos_squared = cos * cos;
+    (1.0 - cos_squared).max(0.0) / cos_squared.max(f32::MIN_POSITIVE.sqrt())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::image::Image;
     use crate::math::Rgb;
+
+    #[test]
+    fn straight_normals_shade_nothing_and_tilted_ones_what_comes_in_low() {
+        let shadow = ReliefShadow::new(Vec3::Z, &Frame::from_normal(Vec3::Z));
+        for wi in [
+            Vec3::Z,
+            Vec3::new(0.8, 0.0, 0.6),
+            Vec3::new(1.0, 0.0, 1e-20),
+            Vec3::NEG_Z,
+        ] {
+            assert_eq!(shadow.factor(wi), 1.0, "{wi}");
+        }
+        // By 45 degrees: alpha is the root of 1/8.
+        let frame = Frame::from_normal(Vec3::new(1.0, 0.0, 1.0).normalize());
+        let shadow = ReliefShadow::new(Vec3::Z, &frame);
+        let factor = |x: f32, z: f32| shadow.factor(frame.to_local(Vec3::new(x, 0.0, z).normalize()));
+        assert!((factor(0.0, 1.0) - 1.0).abs() < 1e-6);
+        assert!((factor(2.0, 1.0) - 2.0 / (1.0 + 1.5f32.sqrt())).abs() < 1e-5);
+        assert_eq!(factor(1.0, -0.1), 0.0);
+        assert_eq!(factor(-1.0, 0.1), 0.0);
+    }
 
     /// A bitmap of `columns` greys that grow by `step` each, in both rows.
     fn ramp(columns: u32, step: f32) -> [Texture; 1] {

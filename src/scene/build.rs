@@ -10,7 +10,7 @@ use crate::camera::{Camera, CameraDesc, CameraError};
 use crate::interaction::{SurfaceInteraction, surface_point, texture_directions};
 use crate::light::Emission;
 use crate::light::{EnvSampling, Environment, EnvironmentError, LightSampler, LightSamplerBuilder, LightSampling};
-use crate::material::Material;
+use crate::material::{Material, ReliefShadow};
 use crate::math::{DAffine3, DVec3, Rgb, Vec2, Vec3};
 use crate::mesh::TriangleMesh;
 use crate::texture::Texture;
@@ -231,28 +231,40 @@ impl Scene {
         })
     }
 
-    /// How a surface with a general material scatters at a hit, whose shading normal it may turn. `choice` gives a number in
-    /// [0, 1) that mixtures choose by.
+    /// How a surface with a general material scatters at a hit, whose shading normal it may turn, and what of light a turned
+    /// normal does not get. `choice` gives a number in [0, 1) that mixtures choose by.
     #[inline(never)]
-    pub fn general_bsdf(&self, hit: &Hit, si: &mut SurfaceInteraction, choice: impl Fn() -> f32) -> Bsdf {
+    pub fn general_bsdf(
+        &self,
+        hit: &Hit,
+        si: &mut SurfaceInteraction,
+        choice: impl Fn() -> f32,
+    ) -> (Bsdf, Option<ReliefShadow>) {
         let material = &self.materials[self.surfaces[hit.placement as usize].material as usize];
         let point = || surface_point(&self.geometry, hit);
         let Some((material, front)) = material.resolve(&self.materials, &self.textures, point, si.front, choice())
         else {
-            return Bsdf::Mirror(Rgb::BLACK);
+            return (Bsdf::Mirror(Rgb::BLACK), None);
         };
+        let mut shadow = None;
         let directions = texture_directions(&self.geometry, hit);
         if let (Some(relief), Some(directions)) = (&material.relief, directions) {
             let side = if si.front { 1.0 } else { -1.0 };
-            let n = relief.normal(&self.textures, point().uv, si.frame.n * side, directions);
-            si.set_shading_normal(n * side);
+            let plain = si.frame.n;
+            let n = relief.normal(&self.textures, point().uv, plain * side, directions) * side;
+            // A facet that turns away is not seen: its mirror image is (Schuessler and others 2017, "Microfacet-based Normal
+            // Mapping for Robust Monte Carlo Path Tracing").
+            let is_seen = n.dot(si.wo) > 0.0;
+            si.set_shading_normal(if is_seen { n } else { plain * (2.0 * plain.dot(n)) - n });
+            shadow = Some(ReliefShadow::new(plain, &si.frame));
         }
         let tangent = || {
             let local = directions.map_or(Vec3::X, |[dp_du, _]| si.frame.to_local(dp_du));
             let along = Vec2::new(local.x, local.y).try_normalize().unwrap_or(Vec2::X);
             along.to_array()
         };
-        material.bsdf::<true, true, true>(&self.textures, point, front, tangent)
+        let bsdf = material.bsdf::<true, true, true>(&self.textures, point, front, tangent);
+        (bsdf, shadow)
     }
 
     /// What emission is multiplied by at a hit; `None` where it does not vary.
