@@ -1,7 +1,7 @@
 //! Curved and flat shapes as triangles, in their own coordinates.
 //!
 //! Normals are exact at the vertices. A sphere of [`AROUND`] by half as many facets has its area exactly, and lies within
-//! 5e-5 of its radius of the true one; cylinders and discs are scaled for their areas as well and lie within 1e-5.
+//! 1.1e-4 of its radius of the true one; cylinders and discs are scaled for their areas as well and lie within 2e-5.
 
 use crate::math::{DVec3, Vec2, Vec3};
 use crate::mesh::TriangleMesh;
