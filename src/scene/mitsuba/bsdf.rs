@@ -2,10 +2,10 @@
 
 use super::super::load::LoadError;
 use super::Importer;
+use super::document::{Property, Tag, Value};
 use super::props::{Props, label};
 use super::tables::{CONDUCTORS, DIELECTRICS};
 use super::texture::Use;
-use super::xml::{Property, Tag, Value};
 use crate::bsdf::{CoatTable, Distribution};
 use crate::material::{Back, General, MAX_NESTING, Material, Principled, Relief, Scalar, Scattering, Spectrum};
 use crate::math::Rgb;

@@ -1,12 +1,14 @@
 //! Scenes of Mitsuba 3 in XML: those that a path tracer of surfaces can render.
 //!
-//! The text becomes a tree of objects with their parameters ([`xml`]), which is converted from the scene downwards. Every
+//! The text becomes a tree of objects with their parameters ([`document`]), which is converted from the scene downwards. Every
 //! parameter that is not used in the end is an error, as it is in Mitsuba. What is read, approximated and refused is listed
 //! in `docs/scene-format.md`.
 
 mod bsdf;
+mod document;
 mod emitter;
 mod mirrored;
+mod parameters;
 mod props;
 mod sensor;
 mod serialized;
@@ -28,16 +30,16 @@ use crate::material::Material;
 use crate::math::DVec3;
 use crate::mesh::TriangleMesh;
 use crate::texture::Texture;
+use document::{Document, Tag};
 use props::Props;
 use shape::MeshKey;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use xml::{Document, Tag};
 
 /// Reads a scene. `defines` are the values of its parameters (`$name`), which go before those in the file.
 pub(super) fn load(path: &Path, defines: &[(String, String)]) -> Result<SceneDesc, LoadError> {
-    let document = Document::read(path, defines)?;
+    let document = xml::read(path, defines)?;
     let mut importer = Importer {
         document: &document,
         hasher: document.hasher.clone(),

@@ -2,8 +2,8 @@
 
 use super::super::load::LoadError;
 use super::super::value::nearest;
+use super::document::{Document, Node, Place, Property, Tag, Value};
 use super::transform;
-use super::xml::{Document, Node, Place, Property, Tag, Value};
 use crate::math::{DAffine3, DVec3};
 
 /// The parameters of an object.

@@ -2,8 +2,8 @@
 
 use super::super::load::LoadError;
 use super::Importer;
+use super::document::{Tag, Value};
 use super::props::Props;
-use super::xml::{Tag, Value};
 use super::xml_value::number;
 use crate::camera::{CameraDesc, MAX_SIDE};
 use crate::math::DMat3;

@@ -3,10 +3,10 @@
 use super::super::bitmap::{Role, load_texture};
 use super::super::load::LoadError;
 use super::Importer;
+use super::document::{Property, Tag, Value};
 use super::props::Props;
 use super::spectrum::SpectrumValue;
 use super::transform;
-use super::xml::{Property, Tag, Value};
 use crate::image::Image;
 use crate::material::{Channel, Checkerboard, Scalar, Spectrum};
 use crate::math::{Affine2, DVec3, Rgb, Vec2};

@@ -1,11 +1,13 @@
-//! The tree of a scene: XML with its includes, parameters and references resolved.
+//! From XML to the tree of a scene: includes, parameters and references are resolved.
 
 use super::super::input::read_file;
 use super::super::load::LoadError;
+use super::document::{Document, Node, Place, Property, Tag, Value};
+use super::parameters::Parameters;
 use super::spectrum::SpectrumValue;
 use super::transform;
 use super::xml_value::{boolean, integer, number, triple};
-use crate::math::{DMat4, DVec3};
+use crate::math::DMat4;
 use roxmltree::{Document as Xml, Node as Element, ParsingOptions};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -16,227 +18,49 @@ const MAX_INCLUDE_DEPTH: u32 = 15;
 const MAX_INCLUDES: u32 = 1000;
 /// Bytes of all files, counted each time they are included.
 const MAX_TEXT: usize = 1 << 30;
-/// Bytes that parameters may expand to, in all: a parameter of two others would double with each.
-const MAX_EXPANSION: usize = 1 << 24;
 /// Elements within elements, at most.
 const MAX_ELEMENT_DEPTH: u32 = 64;
 
-/// Where an element stands: index of the file, and line.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Place {
-    file: u32,
-    line: u32,
-}
-
-/// What an object is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Tag {
-    Scene,
-    Integrator,
-    Sensor,
-    Film,
-    Sampler,
-    Filter,
-    Bsdf,
-    Texture,
-    Emitter,
-    Shape,
-}
-
-impl Tag {
-    fn of(element: &str) -> Option<Tag> {
-        Some(match element {
-            "scene" => Tag::Scene,
-            "integrator" => Tag::Integrator,
-            "sensor" => Tag::Sensor,
-            "film" => Tag::Film,
-            "sampler" => Tag::Sampler,
-            "rfilter" => Tag::Filter,
-            "bsdf" => Tag::Bsdf,
-            "texture" => Tag::Texture,
-            "emitter" => Tag::Emitter,
-            "shape" => Tag::Shape,
-            _ => return None,
-        })
+/// Reads a scene and what it includes. `defines` are parameters and their values.
+pub(super) fn read(path: &Path, defines: &[(String, String)]) -> Result<Document, LoadError> {
+    let mut reader = Reader {
+        document: Document {
+            nodes: Vec::new(),
+            files: Vec::new(),
+            search: vec![path.parent().unwrap_or(Path::new("")).to_owned()],
+            hasher: blake3::Hasher::new(),
+        },
+        parameters: Parameters::default(),
+        ids: HashMap::new(),
+        includes: 0,
+        text: 0,
+    };
+    for (name, value) in defines {
+        reader.parameters.add(name, value, false);
+        reader.document.hasher.update(format!("{name}={value}\n").as_bytes());
     }
-
-    /// The name of its element.
-    pub(super) fn element(self) -> &'static str {
-        match self {
-            Tag::Scene => "scene",
-            Tag::Integrator => "integrator",
-            Tag::Sensor => "sensor",
-            Tag::Film => "film",
-            Tag::Sampler => "sampler",
-            Tag::Filter => "rfilter",
-            Tag::Bsdf => "bsdf",
-            Tag::Texture => "texture",
-            Tag::Emitter => "emitter",
-            Tag::Shape => "shape",
-        }
+    reader.read_file(path, None, 0)?;
+    if let Some(unused) = reader.parameters.unused() {
+        return Err(LoadError::Key {
+            path: path.to_owned(),
+            key: format!("-D {}={}", unused.name, unused.value),
+            problem: format!(
+                "the scene does not use ${}; remove the option or correct the name",
+                unused.name
+            ),
+        });
     }
-}
-
-/// An object: a plugin and its parameters.
-#[derive(Debug)]
-pub(super) struct Node {
-    pub(super) tag: Tag,
-    /// The value of `type`.
-    pub(super) plugin: String,
-    /// Empty without one.
-    pub(super) id: String,
-    pub(super) place: Place,
-    /// Parameters and children in the order of the file.
-    pub(super) properties: Vec<Property>,
-}
-
-/// A parameter of an object.
-#[derive(Debug)]
-pub(super) struct Property {
-    /// Empty for children without a name.
-    pub(super) name: String,
-    pub(super) place: Place,
-    pub(super) value: Value,
-}
-
-/// The value of a parameter.
-#[derive(Clone, Debug)]
-pub(super) enum Value {
-    Boolean(bool),
-    Integer(i64),
-    Float(f64),
-    String(String),
-    Vector(DVec3),
-    Rgb(DVec3),
-    Spectrum(SpectrumValue),
-    Transform(DMat4),
-    /// Index of a node.
-    Object(usize),
-    /// The id of one, until all have been read.
-    Reference(String),
-}
-
-/// A scene as it is written.
-#[derive(Debug)]
-pub(super) struct Document {
-    /// The objects; the scene is the first.
-    pub(super) nodes: Vec<Node>,
-    files: Vec<PathBuf>,
-    /// Folders that files are looked for in, in this order.
-    search: Vec<PathBuf>,
-    /// Over all files read.
-    pub(super) hasher: blake3::Hasher,
-}
-
-impl Document {
-    /// Reads a scene and what it includes. `defines` are parameters and their values.
-    pub(super) fn read(path: &Path, defines: &[(String, String)]) -> Result<Document, LoadError> {
-        let mut reader = Reader {
-            document: Document {
-                nodes: Vec::new(),
-                files: Vec::new(),
-                search: vec![path.parent().unwrap_or(Path::new("")).to_owned()],
-                hasher: blake3::Hasher::new(),
-            },
-            parameters: Vec::new(),
-            ids: HashMap::new(),
-            includes: 0,
-            text: 0,
-            expansion: 0,
-        };
-        for (name, value) in defines {
-            reader.add_parameter(name, value, false);
-            reader.document.hasher.update(format!("{name}={value}\n").as_bytes());
-        }
-        reader.read_file(path, None, 0)?;
-        if let Some(unused) = reader.parameters.iter().find(|parameter| !parameter.is_used) {
-            return Err(LoadError::Key {
-                path: path.to_owned(),
-                key: format!("-D {}={}", unused.name, unused.value),
-                problem: format!(
-                    "the scene does not use ${}; remove the option or correct the name",
-                    unused.name
-                ),
-            });
-        }
-        reader.resolve()?;
-        reader.document.refuse_cycles()?;
-        Ok(reader.document)
-    }
-
-    /// The file that a name of the scene stands for: the first there is of those in the scene's folders.
-    pub(super) fn file(&self, name: &str) -> PathBuf {
-        let mut candidates = self.search.iter().map(|folder| folder.join(name));
-        // Without one, the name in the folder of the scene, for the message.
-        let beside_scene = || {
-            self.search
-                .last()
-                .map_or_else(|| PathBuf::from(name), |folder| folder.join(name))
-        };
-        candidates.find(|path| path.exists()).unwrap_or_else(beside_scene)
-    }
-
-    /// An error about what stands at `place`, which `what` names.
-    pub(super) fn error(&self, place: Place, what: &str, problem: impl Into<String>) -> LoadError {
-        LoadError::Key {
-            path: self.files[place.file as usize].clone(),
-            key: format!("line {}: {what}", place.line),
-            problem: problem.into(),
-        }
-    }
-
-    /// Where something stands, for notes: file and line.
-    pub(super) fn describe(&self, place: Place) -> String {
-        format!("{}:{}", self.files[place.file as usize].display(), place.line)
-    }
-
-    /// An object that contains itself could not be converted, and would be converted for ever.
-    fn refuse_cycles(&self) -> Result<(), LoadError> {
-        // The nodes on the way, each with the number of its properties that are done.
-        let mut is_done = vec![false; self.nodes.len()];
-        let mut is_on_way = vec![false; self.nodes.len()];
-        for start in 0..self.nodes.len() {
-            let mut way = vec![(start, 0)];
-            while let Some((node, next)) = way.pop() {
-                if is_done[node] {
-                    continue;
-                }
-                is_on_way[node] = true;
-                let Some(property) = self.nodes[node].properties.get(next) else {
-                    is_on_way[node] = false;
-                    is_done[node] = true;
-                    continue;
-                };
-                way.push((node, next + 1));
-                let Value::Object(child) = property.value else {
-                    continue;
-                };
-                if is_on_way[child] {
-                    let problem = format!("refers to \"{}\", which contains it", self.nodes[child].id);
-                    return Err(self.error(property.place, "<ref>", problem + "; remove one of the references"));
-                }
-                way.push((child, 0));
-            }
-        }
-        Ok(())
-    }
-}
-
-/// A parameter that stands for text in attributes.
-struct Parameter {
-    name: String,
-    value: String,
-    is_used: bool,
+    reader.resolve()?;
+    reader.document.refuse_cycles()?;
+    Ok(reader.document)
 }
 
 struct Reader {
     document: Document,
-    /// The longest name first, so that `$ab` is not `$a` and a letter.
-    parameters: Vec<Parameter>,
+    parameters: Parameters,
     ids: HashMap<String, usize>,
     includes: u32,
     text: usize,
-    expansion: usize,
 }
 
 /// The file that is being read.
@@ -431,7 +255,7 @@ impl Reader {
                 let attributes = self.attributes(element, source, &["!name", "!value"])?;
                 self.leaf(element, source)?;
                 // Nobody has to use it, and what was given before counts.
-                self.add_parameter(attributes.of("name"), attributes.of("value"), true);
+                self.parameters.add(attributes.of("name"), attributes.of("value"), true);
                 return Ok(());
             }
             "include" => return self.include(element, source, parent),
@@ -646,6 +470,7 @@ impl Reader {
                 return Err(self.document.error(place, &what(), problem));
             };
             let value = self
+                .parameters
                 .expanded(attribute.value())
                 .map_err(|problem| self.document.error(place, &what(), problem))?;
             attributes.push((name, value));
@@ -660,50 +485,6 @@ impl Reader {
             }
         }
         Ok(Attributes(attributes))
-    }
-
-    /// The text with the values of parameters in place of `$` and their names; `\$` is a dollar sign.
-    fn expanded(&mut self, text: &str) -> Result<String, String> {
-        let mut expanded = String::with_capacity(text.len());
-        let mut rest = text;
-        while let Some(at) = rest.find('$') {
-            let (before, after) = (&rest[..at], &rest[at + 1..]);
-            if let Some(before) = before.strip_suffix('\\') {
-                expanded += before;
-                expanded.push('$');
-                rest = after;
-                continue;
-            }
-            let Some(parameter) = self.parameters.iter_mut().find(|p| after.starts_with(&p.name)) else {
-                let name: String = after.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
-                return Err(format!(
-                    "${name} has no value; write <default name=\"{name}\" value=\"...\"/> before it or use -D {name}=..."
-                ));
-            };
-            parameter.is_used = true;
-            self.expansion += parameter.value.len();
-            if self.expansion > MAX_EXPANSION {
-                return Err(format!("parameters expand to more than {MAX_EXPANSION} bytes"));
-            }
-            expanded += before;
-            expanded += &parameter.value;
-            rest = &after[parameter.name.len()..];
-        }
-        Ok(expanded + rest)
-    }
-
-    fn add_parameter(&mut self, name: &str, value: &str, is_used: bool) {
-        if !name.is_empty() && !self.parameters.iter().any(|parameter| parameter.name == name) {
-            let at = self
-                .parameters
-                .partition_point(|parameter| parameter.name.len() >= name.len());
-            let parameter = Parameter {
-                name: name.to_owned(),
-                value: value.to_owned(),
-                is_used,
-            };
-            self.parameters.insert(at, parameter);
-        }
     }
 
     /// Refuses elements within what has none.
