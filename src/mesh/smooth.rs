@@ -27,6 +27,26 @@ impl TriangleMesh<DVec3> {
         self.part_vertices(&corner_normals);
     }
 
+    /// Gives a mesh without normals one for each vertex: the sum of those of its faces, weighted as [`Self::smooth`] does. Where
+    /// vertices are doubled, there is an edge.
+    pub fn smooth_by_vertex(&mut self) {
+        if !self.normals.is_empty() {
+            return;
+        }
+        let mut sums = vec![DVec3::ZERO; self.positions.len()];
+        for corners in &self.indices {
+            let p = corners.map(|i| self.positions[i as usize]);
+            let Some(normal) = unit_cross(p[1] - p[0], p[2] - p[0]) else {
+                continue;
+            };
+            for k in 0..3 {
+                sums[corners[k] as usize] += normal * angle(p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
+            }
+        }
+        let unit = |sum: &DVec3| sum.try_normalize().map_or(Vec3::ZERO, |n| n.as_vec3());
+        self.normals = sums.iter().map(unit).collect();
+    }
+
     /// A normal for each corner of each triangle; zero if there is none.
     fn smooth_normals(&self, degrees: f64) -> Vec<[Vec3; 3]> {
         let place = self.places();
@@ -248,6 +268,25 @@ mod tests {
     fn face_normal(mesh: &TriangleMesh<DVec3>, triangle: usize) -> Vec3 {
         let [a, b, c] = mesh.indices[triangle].map(|i| mesh.positions[i as usize]);
         (b - a).cross(c - a).normalize().as_vec3()
+    }
+
+    #[test]
+    fn smoothed_by_vertex_shared_corners_are_round_and_doubled_ones_are_edges() {
+        let mut shared = cube();
+        shared.smooth_by_vertex();
+        for (p, n) in shared.positions.iter().zip(&shared.normals) {
+            assert!(n.distance(p.normalize().as_vec3()) < 1e-6, "{n} at {p}");
+        }
+        let mut doubled = cube();
+        doubled.positions = (0..12)
+            .flat_map(|i| cube().indices[i])
+            .map(|i| cube().positions[i as usize])
+            .collect();
+        doubled.indices = (0..12).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        doubled.smooth_by_vertex();
+        for (i, &n) in doubled.normals.iter().enumerate() {
+            assert!(n.distance(face_normal(&doubled, i / 3)) < 1e-6, "{n} at vertex {i}");
+        }
     }
 
     #[test]

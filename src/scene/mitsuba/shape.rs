@@ -378,7 +378,11 @@ fn shade(mesh: &mut TriangleMesh<DVec3>, has_face_normals: bool, by_place: bool)
     if has_face_normals {
         mesh.normals.clear();
     } else if mesh.normals.is_empty() {
-        tessellate::smooth(mesh, by_place);
+        if by_place {
+            mesh.smooth(180.0);
+        } else {
+            mesh.smooth_by_vertex();
+        }
     }
 }
 

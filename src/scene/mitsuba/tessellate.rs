@@ -3,7 +3,7 @@
 //! Normals are exact at the vertices. A sphere of [`AROUND`] by half as many facets has its area exactly, and lies within
 //! 1.1e-4 of its radius of the true one; cylinders and discs are scaled for their areas as well and lie within 2e-5.
 
-use crate::math::{DVec3, Vec2, Vec3};
+use crate::math::{DVec3, Vec2};
 use crate::mesh::TriangleMesh;
 use std::f64::consts::{PI, TAU};
 
@@ -145,37 +145,4 @@ fn scaled_to_area(mut mesh: TriangleMesh<DVec3>, area: f64, axes: DVec3) -> Tria
 pub(super) fn flip(mesh: &mut TriangleMesh<DVec3>) {
     mesh.indices.iter_mut().for_each(|corners| corners.swap(1, 2));
     mesh.normals.iter_mut().for_each(|n| *n = -*n);
-}
-
-/// Gives a mesh without normals smooth ones: the means of the triangles around each place (or, if `by_place` is not set,
-/// each vertex), weighted by their angles there (Thuermer and Wuethrich 1998).
-pub(super) fn smooth(mesh: &mut TriangleMesh<DVec3>, by_place: bool) {
-    let mut numbers = std::collections::HashMap::new();
-    let number_of: Vec<usize> = mesh
-        .positions
-        .iter()
-        .enumerate()
-        .map(|(vertex, p)| {
-            let key = if by_place {
-                p.to_array().map(|c| (c + 0.0).to_bits())
-            } else {
-                [vertex as u64, 0, 0]
-            };
-            let next = numbers.len();
-            *numbers.entry(key).or_insert(next)
-        })
-        .collect();
-    let mut sums = vec![DVec3::ZERO; numbers.len()];
-    for corners in &mesh.indices {
-        let p = corners.map(|i| mesh.positions[i as usize]);
-        let Some(normal) = (p[1] - p[0]).cross(p[2] - p[0]).try_normalize() else {
-            continue;
-        };
-        for k in 0..3 {
-            let [before, after] = [p[(k + 2) % 3] - p[k], p[(k + 1) % 3] - p[k]];
-            sums[number_of[corners[k] as usize]] += normal * before.angle_between(after);
-        }
-    }
-    let unit = |number: &usize| sums[*number].try_normalize().map_or(Vec3::ZERO, |n| n.as_vec3());
-    mesh.normals = number_of.iter().map(unit).collect();
 }
