@@ -326,10 +326,14 @@ fn extensions_that_are_used_are_ignored_and_those_required_are_not() {
         file.warning()
             .contains("KHR_materials_sheen is not supported and is ignored")
     );
-    file.json["extensionsRequired"] = json!(["KHR_materials_ior", "KHR_draco_mesh_compression"]);
-    let error = file.error();
-    assert!(
-        error.contains("scene.gltf: extensionsRequired[1]: KHR_draco_mesh_compression is not supported"),
-        "{error}"
-    );
+    for name in [
+        "KHR_draco_mesh_compression",
+        "KHR_materials_clearcoat",
+        "KHR_materials_volume",
+    ] {
+        file.json["extensionsRequired"] = json!(["KHR_materials_ior", name]);
+        let error = file.error();
+        let expected = format!("scene.gltf: extensionsRequired[1]: {name} is not supported");
+        assert!(error.contains(&expected), "{error}");
+    }
 }

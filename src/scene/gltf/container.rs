@@ -160,7 +160,8 @@ pub(super) fn parse(path: &Path, text: &[u8], notes: &mut Notes) -> Result<Docum
 
 fn check_extensions(path: &Path, root: &Root, notes: &mut Notes) -> Result<(), LoadError> {
     for (i, name) in root.extensions_required.iter().enumerate() {
-        if !SUPPORTED.iter().chain(&APPROXIMATED).any(|known| known == name) {
+        // What must be there to show the file must be right as well.
+        if !SUPPORTED.contains(&name.as_str()) {
             return Err(key_error(
                 path,
                 format!("extensionsRequired[{i}]"),
