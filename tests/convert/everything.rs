@@ -210,7 +210,8 @@ fn materials(random: &mut Random) -> Vec<(String, Material)> {
         };
         let material = Material {
             scattering,
-            opacity: (i % 3 == 2).then(|| opacities[i / 3 % opacities.len()]),
+            // None of those that others refer to has any.
+            opacity: (i % 3 == 2 && i > 4).then(|| opacities[i / 3 % opacities.len()]),
             relief,
             back,
         };

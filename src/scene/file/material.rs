@@ -288,6 +288,12 @@ fn depth(
             let mut levels = 0;
             for part in materials[index].1.parts() {
                 levels = levels.max(1 + depth(part as usize, materials, depths, above)?);
+                let (name, material) = &materials[part as usize];
+                if material.opacity.is_some() {
+                    return Err(error(format!(
+                        "refers to \"{name}\", which has `opacity`: only that of a mesh's own material counts; give it that"
+                    )));
+                }
             }
             above.pop();
             depths[index] = Some(levels);

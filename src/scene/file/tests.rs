@@ -298,6 +298,10 @@ fn a_wrong_material_is_named_with_what_is_right() {
             "type = \"blend\"\nmaterials = [\"n\", \"n\"]\nweight = 0.5\n[materials.n]\ntype = \"mirror\"\nback = \"m\"",
             ["materials.m", "m -> n -> m"],
         ),
+        (
+            "type = \"mirror\"\nback = \"n\"\n[materials.n]\ntype = \"mirror\"\nopacity = { rgb = [0.5, 0.5, 0.5] }",
+            ["materials.m", "refers to \"n\", which has `opacity`"],
+        ),
     ] {
         material_is_refused(keys, &words);
     }
