@@ -196,7 +196,15 @@ fn surfaces_are_one_sided_unless_they_transmit_or_twosided_stands_around_them() 
     let two = |inner: &str| material(&format!("<bsdf type=\"twosided\">{inner}</bsdf>"));
     assert_eq!(two(diffuse).back, Back::Same);
     assert_eq!(material("<bsdf type=\"dielectric\"/>").back, Back::Same);
-    assert!(matches!(two("<bsdf type=\"principled\"/>").back, Back::Material(_)));
+    let principled = "<bsdf type=\"principled\"/>";
+    assert_eq!(
+        (material(principled).back, two(principled).back),
+        (Back::Black, Back::Same)
+    );
+    let glass = "<bsdf type=\"principled\"><float name=\"spec_trans\" value=\"0.5\"/></bsdf>";
+    assert_eq!(material(glass).back, Back::Same);
+    let allowed = format!("<boolean name=\"allow_transmission\" value=\"true\"/>{glass}");
+    assert!(matches!(two(&allowed).back, Back::Material(_)));
     assert!(matches!(
         two(&format!("{diffuse}<bsdf type=\"conductor\"/>")).back,
         Back::Material(_)

@@ -179,23 +179,27 @@ impl General {
                 coat,
                 nonlinear: *nonlinear,
             }),
-            General::Principled(p) => Bsdf::Principled(PrincipledBsdf {
-                base_color: color(&p.base_color),
-                roughness: number(&p.roughness),
-                anisotropic: number(&p.anisotropic),
-                metallic: number(&p.metallic),
-                spec_trans: number(&p.spec_trans),
-                eta: if front { p.ior } else { 1.0 / p.ior },
-                spec_tint: number(&p.spec_tint),
-                sheen: number(&p.sheen),
-                sheen_tint: number(&p.sheen_tint),
-                flatness: number(&p.flatness),
-                clearcoat: number(&p.clearcoat),
-                clearcoat_gloss: number(&p.clearcoat_gloss),
-                conserves: p.conserves,
-                front,
-                tangent: tangent(),
-            }),
+            General::Principled(p) => {
+                // Without glass there is no inside.
+                let front = front || !self.transmits();
+                Bsdf::Principled(PrincipledBsdf {
+                    base_color: color(&p.base_color),
+                    roughness: number(&p.roughness),
+                    anisotropic: number(&p.anisotropic),
+                    metallic: number(&p.metallic),
+                    spec_trans: number(&p.spec_trans),
+                    eta: if front { p.ior } else { 1.0 / p.ior },
+                    spec_tint: number(&p.spec_tint),
+                    sheen: number(&p.sheen),
+                    sheen_tint: number(&p.sheen_tint),
+                    flatness: number(&p.flatness),
+                    clearcoat: number(&p.clearcoat),
+                    clearcoat_gloss: number(&p.clearcoat_gloss),
+                    conserves: p.conserves,
+                    front,
+                    tangent: tangent(),
+                })
+            }
             // Looked through before.
             General::Blend { .. } => Bsdf::Mirror(Rgb::BLACK),
         }

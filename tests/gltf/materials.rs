@@ -63,19 +63,7 @@ fn the_default_is_rough_white_metal_and_factors_are_taken_as_they_are() {
 fn surfaces_look_alike_from_both_sides_and_glass_has_an_inside() {
     for double_sided in [true, false] {
         let desc = load(json!({ "doubleSided": double_sided, "normalTexture": { "index": 0 } }));
-        let [(_, front), (name, behind)] = &desc.materials[..] else {
-            panic!("{:?}", desc.materials);
-        };
-        assert_eq!(
-            (name.as_str(), front.back),
-            ("materials[0], from behind", Back::Material(1))
-        );
-        let as_front = Material {
-            back: Back::Material(1),
-            ..behind.clone()
-        };
-        assert_eq!((as_front, behind.back), (front.clone(), Back::Same));
-        assert_eq!(desc.objects[0].material, 0);
+        assert_eq!((desc.materials.len(), desc.materials[0].1.back), (1, Back::Same));
     }
     let glass = load(extended(
         "KHR_materials_transmission",

@@ -6,7 +6,7 @@ use super::resource::Buffers;
 use super::texture::{Reference, Textures};
 use super::{Asset, LoadError, Notes, label};
 use crate::light::Emission;
-use crate::material::{Back, Channel, General, Material, Principled, Relief, Scalar, Scattering, Spectrum};
+use crate::material::{Channel, General, Material, Principled, Relief, Scalar, Scattering, Spectrum};
 use crate::math::Rgb;
 use crate::texture::{Encoding, Texture};
 use gltf::json::material::{AlphaMode, Material as Json};
@@ -84,22 +84,10 @@ impl<'a> Materials<'a> {
             json,
             has_colors,
         };
-        let mut surface = reading.surface(factor)?;
+        let surface = reading.surface(factor)?;
         let index = self.surfaces.len();
         self.index.insert(key, index);
-        // The model is black from behind unless it is glass; the format has surfaces that look alike from both sides.
-        let back = (surface.material.is_general() && !surface.material.transmits()).then(|| Surface {
-            name: format!("{name}, from behind"),
-            material: surface.material.clone(),
-            emission: None,
-            emission_map: None,
-            is_lamp: false,
-        });
-        if back.is_some() {
-            surface.material.back = Back::Material(index as u32 + 1);
-        }
         self.surfaces.push(surface);
-        self.surfaces.extend(back);
         Ok(index)
     }
 

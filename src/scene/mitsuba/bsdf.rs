@@ -279,9 +279,14 @@ impl Importer<'_> {
         }
         // As near to no interface at all as Mitsuba comes.
         principled.ior = eta.max(1.001) as f32;
-        Ok(Material::new(Scattering::General(General::Principled(Box::new(
-            principled,
-        )))))
+        let general = General::Principled(Box::new(principled));
+        let scattering = Scattering::General(general);
+        let material = Material::new(scattering.clone());
+        Ok(if material.transmits() {
+            material
+        } else {
+            one_sided(scattering)
+        })
     }
 
     fn with_relief(&mut self, props: &mut Props, relief: Relief, depth: usize) -> Result<Material, LoadError> {
@@ -329,11 +334,9 @@ impl Importer<'_> {
             }
         }
         let mut material = self.materials[front as usize].1.clone();
-        // Most materials look the same from behind as they are.
-        let is_symmetric = !matches!(
-            material.scattering,
-            Scattering::General(General::Principled(_) | General::Blend { .. })
-        );
+        // The parts of a mixture are black from behind; what transmits is seen from inside there.
+        let is_blend = matches!(material.scattering, Scattering::General(General::Blend { .. }));
+        let is_symmetric = !is_blend && !material.transmits();
         material.back = if front == back && is_symmetric {
             Back::Same
         } else {
