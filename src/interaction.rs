@@ -328,6 +328,24 @@ impl SurfaceInteraction {
         self.frame = Frame::from_normal(bend_towards(n, self.wo));
     }
 
+    /// Bends the shading normal until the mirror direction of `wo` leaves the triangle: below it would meet the surface itself,
+    /// and steep relief on smooth metal would go black.
+    pub fn lift_reflection(&mut self) {
+        /// The cosine to the triangle's normal that is left: enough for the shadow of relief not to take it all.
+        const MIN_COS: f32 = 0.1;
+        // Low eyes see low reflections in the flat surface, too.
+        let least = MIN_COS.min(0.9 * self.wo.dot(self.ng));
+        let n = self.frame.n;
+        let mirrored = n * (2.0 * n.dot(self.wo)) - self.wo;
+        let below = least - mirrored.dot(self.ng);
+        if below > 0.0
+            && let Some(lifted) = (mirrored + self.ng * below).try_normalize()
+            && let Some(bent) = (self.wo + lifted).try_normalize()
+        {
+            self.frame = Frame::from_normal(bent);
+        }
+    }
+
     /// Where rays to the given side start: that of `wo`, or the opposite one.
     #[inline(always)]
     pub fn origin(&self, transmitted: bool) -> Vec3 {
@@ -505,6 +523,33 @@ mod tests {
         for scale in [1e-18f32, 1e-9, 1.0, 1e9, 1e18] {
             let normal = face_normal([Vec3::ZERO, Vec3::X * scale, Vec3::Y * scale]).unwrap();
             assert!((normal - Vec3::Z).length() < 1e-6, "{scale}");
+        }
+    }
+
+    #[test]
+    fn lifted_reflections_leave_the_triangle_and_those_that_do_are_left_alone() {
+        let geometry = geometry(bulging_triangle(), None);
+        for (wo, n) in [
+            ((0.0, -0.5), (0.0, 0.8)),
+            ((0.9, 0.1), (-0.7, 0.2)),
+            ((0.3, 0.2), (0.1, -0.2)),
+        ] {
+            let upwards = |(x, y): (f32, f32)| Vec3::new(x, y, (1.0 - x * x - y * y).sqrt());
+            let (wo, n) = (upwards(wo), upwards(n));
+            let mut si = SurfaceInteraction::new::<true>(&geometry, &seen_from(wo), &HIT, true).unwrap();
+            si.set_shading_normal(n);
+            let before = si.frame.n;
+            let ng = si.ng;
+            let mirrored = |n: Vec3| (n * (2.0 * n.dot(wo)) - wo).dot(ng);
+            si.lift_reflection();
+            let after = si.frame.n;
+            assert!(after.is_normalized() && after.dot(wo) > 0.0, "{after}");
+            if mirrored(before) > 0.1 {
+                assert_eq!(after, before);
+            } else {
+                assert!(mirrored(before) < 0.0, "a case of lifting: {before}");
+                assert!(mirrored(after) > 1e-3, "{after} for {before}");
+            }
         }
     }
 }

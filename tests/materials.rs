@@ -5,7 +5,7 @@ mod support;
 use embrace::accel::Accel;
 use embrace::image::Image;
 use embrace::integrator::Settings;
-use embrace::material::{Back, Checkerboard, General, Material, Relief, Scalar, Scattering, Spectrum};
+use embrace::material::{Back, Checkerboard, General, Material, Principled, Relief, Scalar, Scattering, Spectrum};
 use embrace::math::{Affine2, DVec3, Rgb, Vec2, Vec3};
 use embrace::mesh::TriangleMesh;
 use embrace::texture::{Texture, TextureMap};
@@ -17,10 +17,13 @@ for_each_backend! {
     a_mixture_scatters_the_weighted_mean_of_its_parts
     a_mixture_of_mixtures_takes_each_part_by_the_product_of_its_weights
     the_back_is_black_or_another_material_where_that_is_said
+    the_principled_model_looks_alike_from_both_sides_unless_it_is_glass
     vertex_colours_are_interpolated_and_multiply_tint_and_bitmap
     a_checkerboard_shows_its_colours_in_turn
     a_map_of_straight_normals_changes_nothing
     a_tilted_normal_is_lit_as_a_tilted_surface_is
+    the_relief_of_a_mixture_is_that_of_its_parts
+    steep_relief_on_smooth_metal_is_not_black
 }
 
 fn settings() -> Settings {
@@ -117,6 +120,26 @@ fn the_back_is_black_or_another_material_where_that_is_said<A: Accel>() {
     assert_seen::<A>(&stage, 0.4, 0.3, false, [0.1, 0.2, 0.3]);
 }
 
+fn the_principled_model_looks_alike_from_both_sides_unless_it_is_glass<A: Accel>() {
+    let principled = |spec_trans: f32| {
+        opaque(Scattering::General(General::Principled(Box::new(Principled {
+            roughness: Scalar::Constant(0.4),
+            clearcoat: Scalar::Constant(0.5),
+            spec_trans: Scalar::Constant(spec_trans),
+            ..Principled::new(Spectrum::Constant(Rgb::new(0.8, 0.4, 0.2)))
+        }))))
+    };
+    let opaque = square(principled(0.0));
+    let front = seen::<A>(&opaque, 0.4, 0.3, true);
+    assert!(front[0].0 > 0.5, "{front:?}");
+    assert_seen::<A>(&opaque, 0.4, 0.3, false, front.map(|(mean, _)| mean));
+    // From inside, more is reflected at the surface.
+    let glass = square(principled(0.9));
+    let [outside, inside] = [true, false].map(|front| seen::<A>(&glass, 0.4, 0.3, front)[0]);
+    let bound = outside.1 + inside.1;
+    assert!((outside.0 - inside.0).abs() > bound, "{outside:?} and {inside:?}");
+}
+
 fn vertex_colours_are_interpolated_and_multiply_tint_and_bitmap<A: Accel>() {
     let mesh = TriangleMesh {
         colors: vec![
@@ -174,16 +197,22 @@ fn window() -> Image<Rgb> {
 
 /// Light that a square reflects with this normal map everywhere, and its standard error.
 fn under_a_window<A: Accel>(normal: Option<Rgb>, mesh: TriangleMesh, from: Vec3) -> (f64, f64) {
+    of_under_a_window::<A>(diffuse(0.5), normal, mesh, from)
+}
+
+/// The same for a material of which the second may be a part.
+fn of_under_a_window<A: Accel>(material: Material, normal: Option<Rgb>, mesh: TriangleMesh, from: Vec3) -> (f64, f64) {
     let material = Material {
         relief: normal.map(|_| Relief::NormalMap {
             map: TextureMap::new(0),
             scale: 1.0,
         }),
-        ..diffuse(0.5)
+        ..material
     };
-    let mut stage = Stage::new(probe(from, Vec3::new(0.3, 0.3, 0.0)))
+    let stage = Stage::new(probe(from, Vec3::new(0.3, 0.3, 0.0)))
         .add(mesh, material)
         .lit_by_map(window(), 0.0);
+    let mut stage = named(stage, diffuse(0.5));
     stage.0.textures.push(Texture::Rgb32(Image {
         width: 1,
         height: 1,
@@ -232,4 +261,44 @@ fn a_tilted_normal_is_lit_as_a_tilted_surface_is<A: Accel>() {
             A::NAME
         );
     }
+}
+
+fn the_relief_of_a_mixture_is_that_of_its_parts<A: Accel>() {
+    let from = Vec3::new(0.5, 1.0, 2.0);
+    let mesh = || quad(Vec3::ZERO, Vec3::X, Vec3::Y);
+    let tilted = Some(Rgb::from((Vec3::new(0.0, 0.5, 0.75f32.sqrt()) * 0.5 + 0.5).to_array()));
+    let (plain, _) = under_a_window::<A>(None, mesh(), from);
+    let (relief, error) = under_a_window::<A>(tilted, mesh(), from);
+    assert!((relief - plain).abs() > 20.0 * error, "{relief} and {plain}");
+    // Twice the same, which has no relief of its own.
+    let (mixed, mixed_error) = of_under_a_window::<A>(blend(0.5, [1, 1]), tilted, mesh(), from);
+    assert!(
+        (mixed - relief).abs() < 5.0 * (error + mixed_error),
+        "{}: {mixed} for {relief}",
+        A::NAME
+    );
+}
+
+fn steep_relief_on_smooth_metal_is_not_black<A: Accel>() {
+    // Tilted by 50 degrees away from an eye at 30 degrees on the other side: the mirror direction is below the surface.
+    let normal = Vec3::new(0.0, 50f32.to_radians().sin(), 50f32.to_radians().cos());
+    let mut material = opaque(Scattering::Mirror {
+        reflectance: Rgb::WHITE,
+    });
+    material.relief = Some(Relief::NormalMap {
+        map: TextureMap::new(0),
+        scale: 1.0,
+    });
+    let mut stage = square(material);
+    stage.0.textures.push(Texture::Rgb32(Image {
+        width: 1,
+        height: 1,
+        pixels: vec![Rgb::from((normal * 0.5 + 0.5).to_array())],
+    }));
+    let (sin, cos) = 30f32.to_radians().sin_cos();
+    let point = Vec3::new(0.4, 0.3, 0.0);
+    let stage = stage.seen_by(probe(point + Vec3::new(0.0, -sin, cos), point));
+    let summary = stage.prepare::<A>(&settings()).replicate(&settings(), 64, 0..4);
+    let mean = summary.channels[0].mean;
+    assert!(mean > 0.5, "{}: {mean}", A::NAME);
 }

@@ -86,6 +86,17 @@ pub struct Material {
     pub back: Back,
 }
 
+/// What [`Material::resolve`] finds.
+#[derive(Clone, Copy, Debug)]
+pub struct Resolved<'a> {
+    /// The material that scatters.
+    pub material: &'a Material,
+    /// Its relief, or that of the mixture it is a part of.
+    pub relief: Option<&'a Relief>,
+    /// Whether its front is seen.
+    pub front: bool,
+}
+
 impl Material {
     /// A surface that scatters so and is there everywhere.
     pub const fn new(scattering: Scattering) -> Material {
@@ -98,43 +109,53 @@ impl Material {
     }
 
     /// The material that is met from the front or the back: [`Back`] and [`General::Blend`] are looked through, the latter by
-    /// chance. `choice` in [0, 1) decides. `None` where all light is absorbed.
+    /// chance, by a number in [0, 1) that `choice` gives. `None` where all light is absorbed.
     pub fn resolve<'a>(
         &'a self,
         materials: &'a [Material],
         textures: &[Texture],
         point: impl Fn() -> SurfacePoint + Copy,
         front: bool,
-        mut choice: f32,
-    ) -> Option<(&'a Material, bool)> {
-        let mut material = self;
-        let mut front = front;
+        choice: impl Fn() -> f32,
+    ) -> Option<Resolved<'a>> {
+        let mut resolved = Resolved {
+            material: self,
+            relief: None,
+            front,
+        };
+        let mut number = None;
         // Descriptions have no cycles; the limit bounds damage.
         for _ in 0..MAX_NESTING {
-            match (front, material.back) {
+            match (resolved.front, resolved.material.back) {
                 (false, Back::Black) => return None,
                 (false, Back::Material(other)) => {
-                    material = &materials[other as usize];
-                    front = true;
+                    resolved = Resolved {
+                        material: &materials[other as usize],
+                        relief: None,
+                        front: true,
+                    };
                 }
                 _ => {}
             }
+            let material = resolved.material;
+            resolved.relief = material.relief.as_ref().or(resolved.relief);
             let Scattering::General(General::Blend {
                 weight,
                 materials: parts,
             }) = &material.scattering
             else {
-                return Some((material, front));
+                return Some(resolved);
             };
             let weight = weight.at(textures, point).clamp(0.0, 1.0);
-            let is_second = choice < weight;
+            let left = number.get_or_insert_with(&choice);
+            let is_second = *left < weight;
             // What is left of the number is as uniform as it was.
-            choice = if is_second {
-                choice / weight
+            *left = if is_second {
+                *left / weight
             } else {
-                (choice - weight) / (1.0 - weight)
+                (*left - weight) / (1.0 - weight)
             };
-            material = &materials[parts[usize::from(is_second)] as usize];
+            resolved.material = &materials[parts[usize::from(is_second)] as usize];
         }
         None
     }

@@ -10,7 +10,7 @@ use crate::camera::{Camera, CameraDesc, CameraError};
 use crate::interaction::{SurfaceInteraction, surface_point, texture_directions};
 use crate::light::Emission;
 use crate::light::{EnvSampling, Environment, EnvironmentError, LightSampler, LightSamplerBuilder, LightSampling};
-use crate::material::{Material, ReliefShadow};
+use crate::material::{Material, ReliefShadow, Resolved};
 use crate::math::{DAffine3, DVec3, Rgb, Vec2, Vec3};
 use crate::mesh::TriangleMesh;
 use crate::texture::Texture;
@@ -242,13 +242,18 @@ impl Scene {
     ) -> (Bsdf, Option<ReliefShadow>) {
         let material = &self.materials[self.surfaces[hit.placement as usize].material as usize];
         let point = || surface_point(&self.geometry, hit);
-        let Some((material, front)) = material.resolve(&self.materials, &self.textures, point, si.front, choice())
+        let resolved = material.resolve(&self.materials, &self.textures, point, si.front, choice);
+        let Some(Resolved {
+            material,
+            relief,
+            front,
+        }) = resolved
         else {
             return (Bsdf::Mirror(Rgb::BLACK), None);
         };
         let mut shadow = None;
         let directions = texture_directions(&self.geometry, hit);
-        if let (Some(relief), Some(directions)) = (&material.relief, directions) {
+        if let (Some(relief), Some(directions)) = (relief, directions) {
             let side = if si.front { 1.0 } else { -1.0 };
             let plain = si.frame.n;
             let n = relief.normal(&self.textures, point().uv, plain * side, directions) * side;
@@ -256,6 +261,9 @@ impl Scene {
             // Mapping for Robust Monte Carlo Path Tracing").
             let is_seen = n.dot(si.wo) > 0.0;
             si.set_shading_normal(if is_seen { n } else { plain * (2.0 * plain.dot(n)) - n });
+            if !material.is_diffuse() {
+                si.lift_reflection();
+            }
             shadow = Some(ReliefShadow::new(plain, &si.frame));
         }
         let tangent = || {
