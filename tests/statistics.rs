@@ -426,13 +426,16 @@ fn imported_bsdfs() -> Vec<(String, Bsdf, f64)> {
         let name = format!("coated {distribution:?} {alpha}");
         all.push((name, Bsdf::CoatedDiffuse(coated), alpha.into()));
     }
-    for (name, metallic, spec_trans, clearcoat, eta) in [
-        ("opaque", 0.0, 0.0, 0.0, 1.5f32),
-        ("metal", 1.0, 0.0, 0.0, 1.5),
-        ("glass", 0.0, 1.0, 0.0, 1.5),
-        ("glass from inside", 0.0, 1.0, 0.5, 1.0 / 1.5),
-        ("all", 0.3, 0.5, 1.0, 1.5),
-        ("all from inside", 0.3, 0.5, 1.0, 1.0 / 1.5),
+    for (name, metallic, spec_trans, clearcoat, eta, thin) in [
+        ("opaque", 0.0, 0.0, 0.0, 1.5f32, false),
+        ("metal", 1.0, 0.0, 0.0, 1.5, false),
+        ("metal under Burley's coat", 1.0, 0.0, 0.5, 1.5, false),
+        ("glass", 0.0, 1.0, 0.0, 1.5, false),
+        ("glass from inside", 0.0, 1.0, 0.5, 1.0 / 1.5, false),
+        ("thin wall", 0.0, 1.0, 0.5, 1.5, true),
+        ("all", 0.3, 0.5, 1.0, 1.5, false),
+        ("all from inside", 0.3, 0.5, 1.0, 1.0 / 1.5, false),
+        ("all of a thin wall", 0.3, 0.5, 1.0, 1.5, true),
     ] {
         let principled = PrincipledBsdf {
             base_color: Rgb::new(0.6, 0.4, 0.1),
@@ -442,17 +445,20 @@ fn imported_bsdfs() -> Vec<(String, Bsdf, f64)> {
             spec_trans,
             eta,
             spec_tint: 0.3,
+            specular: if thin { 0.8 } else { 1.0 },
+            specular_color: if thin { Rgb::new(1.0, 0.5, 0.2) } else { Rgb::WHITE },
             sheen: 0.4,
             sheen_tint: 0.5,
             flatness: 0.3,
             clearcoat,
-            clearcoat_gloss: 0.2,
+            coat_alpha: 0.08,
             conserves: spec_trans > 0.0,
+            thin,
             front: eta > 1.0,
             tangent,
         };
-        // The width of the coat.
-        all.push((format!("principled {name}"), Bsdf::Principled(principled), 0.08));
+        let alpha = principled.coat_alpha.into();
+        all.push((format!("principled {name}"), Bsdf::Principled(principled), alpha));
     }
     all
 }
@@ -461,9 +467,14 @@ fn ior(bsdf: &Bsdf) -> f64 {
     match bsdf {
         Bsdf::Dielectric(d) => d.eta.into(),
         Bsdf::RoughGlass(g) => g.eta.into(),
-        Bsdf::Principled(p) if bsdf.transmits() => p.eta.into(),
+        Bsdf::Principled(p) if bsdf.transmits() && !p.thin => p.eta.into(),
         _ => 1.0,
     }
+}
+
+/// Whether light passes in the directions that it would be reflected in, mirrored.
+fn is_thin(bsdf: &Bsdf) -> bool {
+    matches!(bsdf, Bsdf::Principled(p) if p.thin)
 }
 
 /// The same surface from its other side.
@@ -471,7 +482,7 @@ fn turned_over(bsdf: &Bsdf) -> Bsdf {
     match *bsdf {
         Bsdf::Dielectric(d) => Bsdf::Dielectric(Dielectric { eta: 1.0 / d.eta, ..d }),
         Bsdf::RoughGlass(g) => Bsdf::RoughGlass(RoughGlass { eta: 1.0 / g.eta, ..g }),
-        Bsdf::Principled(p) => Bsdf::Principled(PrincipledBsdf {
+        Bsdf::Principled(p) if !p.thin => Bsdf::Principled(PrincipledBsdf {
             eta: 1.0 / p.eta,
             front: !p.front,
             ..p
@@ -533,7 +544,9 @@ fn integrate_cells(wo: Vec3, alpha: f64, bsdf: &Bsdf, tolerance: f64, f: impl Fn
     let mut cells = Vec::new();
     for &transmitted in sides {
         let integrand = |theta: f64, phi: f64| {
-            from_half_vector(wo.as_dvec3(), theta, phi, eta, transmitted)
+            let mirrors = transmitted && is_thin(bsdf);
+            from_half_vector(wo.as_dvec3(), theta, phi, eta, transmitted && !mirrors)
+                .map(|(wi, jacobian)| (if mirrors { wi.with_z(-wi.z) } else { wi }, jacobian))
                 .map_or(0.0, |(wi, jacobian)| f(wi.as_vec3()) * jacobian * theta.sin())
         };
         for polar in edges.windows(2) {
@@ -589,7 +602,11 @@ fn scattering_is_sampled_with_the_density_it_states_and_reflects_no_more_than_ar
             let weight = f64::from(sample.weight.g);
             sum += weight;
             squares += weight * weight;
-            let (theta, phi) = half_vector(wo.as_dvec3(), sample.wi.as_dvec3(), eta);
+            let mut wi = sample.wi.as_dvec3();
+            if is_thin(bsdf) {
+                wi.z = wi.z.abs();
+            }
+            let (theta, phi) = half_vector(wo.as_dvec3(), wi, eta);
             let row = edges[1..rows].partition_point(|&edge| edge <= theta);
             let side = if sample.wi.z < 0.0 { rows } else { 0 };
             counts[(side + row) * AZIMUTHS + cell(phi / TAU, AZIMUTHS)] += 1;
@@ -691,7 +708,7 @@ fn extreme_inputs_give_finite_samples() {
                 Bsdf::Principled(p) => Bsdf::Principled(PrincipledBsdf {
                     roughness: alpha,
                     anisotropic: 1.0,
-                    clearcoat_gloss: 1.0,
+                    coat_alpha: alpha.max(1e-3),
                     eta: if p.front { ior } else { 1.0 / ior },
                     ..p
                 }),
@@ -708,12 +725,15 @@ fn extreme_inputs_give_finite_samples() {
         spec_trans: 0.0,
         eta: 1.5,
         spec_tint: 0.0,
+        specular: 1.0,
+        specular_color: Rgb::WHITE,
         sheen: 0.0,
         sheen_tint: 0.0,
         flatness: 0.0,
         clearcoat: 0.0,
-        clearcoat_gloss: 0.0,
+        coat_alpha: 0.0,
         conserves: true,
+        thin: false,
         front: true,
         tangent: [1.0, 0.0],
     };

@@ -7,8 +7,16 @@
 //! Burley's sum does not take what facets reflect from the diffuse part: a white one of index 1.5 and roughness 0.5 sends on
 //! 1.043 times what it gets along the normal, 1.060 at 53 degrees, 1.154 at 78, and 1.067 of light from all sides. Scenes that were
 //! made for it are to look as they did, so it stays for them. Where `conserves` is set, the diffuse part is multiplied by
-//! (1 − F(θo)) (1 − F(θi)), which is reciprocal and leaves out light that goes back and forth below the facets. The coat's part, of
-//! at most 3.5 %, and the sheen are added in both.
+//! (1 − F(θo)) (1 − F(θi)), which is reciprocal and leaves out light that goes back and forth below the facets. The coat is a layer of
+//! GGX facets of index 1.5 then, and all that is below is multiplied by the same for its reflectance; Burley's is a quarter as
+//! strong, of facets with wider tails, and added, which gains at most 3.5 %. The sheen is added in both.
+//!
+//! What is transmitted enters a solid, or crosses a wall too thin to refract (`thin`): light is then scattered as if it were
+//! reflected, to the other side.
+//!
+//! Dielectric reflection can be weakened and coloured, as glTF's `KHR_materials_specular` does: the reflectance F0 along the
+//! normal is multiplied by `specular_color`, up to 1; that at other angles lies between as the true one does between F0 and 1; and
+//! all of it is multiplied by `specular`.
 //!
 //! Directions are sampled by densities of our own.
 
@@ -37,6 +45,10 @@ pub struct PrincipledBsdf {
     pub eta: f32,
     /// Hue of reflections of what is not metal.
     pub spec_tint: f32,
+    /// Factor on those.
+    pub specular: f32,
+    /// Factor on their reflectance along the normal, at least 0.
+    pub specular_color: Rgb,
     /// Retro-reflection of cloth.
     pub sheen: f32,
     /// Hue of that.
@@ -45,11 +57,13 @@ pub struct PrincipledBsdf {
     pub flatness: f32,
     /// A second, colourless coat.
     pub clearcoat: f32,
-    /// Its gloss.
-    pub clearcoat_gloss: f32,
-    /// Whether what facets reflect is taken from the diffuse part.
+    /// Width of its facets.
+    pub coat_alpha: f32,
+    /// Whether what facets reflect is taken from the diffuse part, and what the coat does from all below.
     pub conserves: bool,
-    /// Whether `wo` is outside.
+    /// Whether what is transmitted crosses a thin wall.
+    pub thin: bool,
+    /// Whether `wo` is outside. Both sides of a thin wall are.
     pub front: bool,
     /// Cosine and sine of the angle around the normal of the direction that highlights are stretched along.
     pub tangent: [f32; 2],
@@ -57,8 +71,14 @@ pub struct PrincipledBsdf {
 
 /// The coat's reflectance along the normal.
 const COAT_REFLECTANCE: f32 = 0.04;
-/// Width of the GGX facets whose masking the coat has, whatever its own.
+/// The index that belongs to it.
+const COAT_INDEX: f32 = 1.5;
+/// What the layer takes of diffuse light that leaves a surface of index 1.1 to 2.5 below it, within 0.004.
+const COAT_DIFFUSE_REFLECTANCE: f32 = 0.081;
+/// Width of the GGX facets whose masking Burley's coat has, whatever its own.
 const COAT_SHADOWING: f32 = 0.25;
+/// Widths of Burley's coat without gloss and with all of it.
+const BURLEY_COAT_ALPHA: [f32; 2] = [0.1, 0.001];
 /// The smallest width.
 const MIN_ALPHA: f32 = 1e-3;
 
@@ -88,16 +108,23 @@ struct Lobes {
 }
 
 impl PrincipledBsdf {
+    /// Width of the coat of a gloss in [0, 1] where energy is not conserved.
+    pub fn burley_coat_alpha(gloss: f32) -> f32 {
+        let [dull, glossy] = BURLEY_COAT_ALPHA;
+        dull + (glossy - dull) * gloss
+    }
+
     #[inline(never)]
     pub(super) fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
         if wi.z == 0.0 {
             return BsdfEval::ZERO;
         }
         let [wo, wi] = [wo, wi].map(|w| into_frame(w, self.tangent));
-        Facet::of(wo, wi, self.index()).map_or(BsdfEval::ZERO, |mut facet| {
-            if wi.z > 0.0 {
+        let reflected = if self.thin { wi.with_z(wi.z.abs()) } else { wi };
+        Facet::of(wo, reflected, self.index()).map_or(BsdfEval::ZERO, |mut facet| {
+            if reflected.z > 0.0 {
                 // The same, but the product has few digits where both are grazing, and the coat's density is over it.
-                facet.wo_h = 0.5 * (wo + wi).length();
+                facet.wo_h = 0.5 * (wo + reflected).length();
             }
             self.scatter(wo, wi, &facet)
         })
@@ -114,7 +141,11 @@ impl PrincipledBsdf {
         let wo = into_frame(wo, self.tangent);
         let mut eta_squared = 1.0;
         let (wi, facet) = if lobe < lobes.coat {
-            let h = self.coat().sample(u);
+            let h = if self.conserves {
+                self.coat_facets().sample_visible(wo, u)
+            } else {
+                self.burley_coat().sample(u)
+            };
             if wo.dot(h) <= 0.0 {
                 return None;
             }
@@ -123,6 +154,9 @@ impl PrincipledBsdf {
             let h = self.facets().sample_visible(wo, u);
             if (lobe - lobes.coat) / lobes.main < self.shares(wo.dot(h)).reflection_probability() {
                 Facet::reflect(wo, h)?
+            } else if self.thin {
+                let (wi, facet) = Facet::reflect(wo, h)?;
+                (wi.with_z(-wi.z), facet)
             } else {
                 let eta = self.index();
                 eta_squared = eta * eta;
@@ -139,30 +173,62 @@ impl PrincipledBsdf {
         let shares = self.shares(facet.wo_h);
         let reflection = shares.reflection_probability();
         if wi.z < 0.0 {
+            let scale = if self.thin { 1.0 } else { radiance_scale(self.index()) };
             let share = (
-                shares.transmitted * radiance_scale(self.index()),
+                shares.transmitted * (scale * self.passes_coat(wo, wi)),
                 lobes.main * (1.0 - reflection),
             );
             return self.facets().scatter(wo, wi, facet, share).or_zero();
         }
         let share = (shares.reflected, lobes.main * reflection);
         let mut eval = self.facets().scatter(wo, wi, facet, share);
-        if self.front {
-            if lobes.coat > 0.0 {
-                let coat = self.coat();
-                let d = coat.d(facet.h);
-                let shadowing = Smith::new([COAT_SHADOWING; 2], Distribution::Ggx);
-                let masking = shadowing.g1(wo) * shadowing.g1(wi);
-                let fresnel = self.schlick(Rgb::splat(COAT_REFLECTANCE), facet.wo_h);
-                eval.value += fresnel * (0.25 * self.clearcoat * d * masking * wi.z);
-                eval.pdf_w += lobes.coat * d * facet.h.z / (4.0 * facet.wo_h);
-            }
-            if lobes.diffuse > 0.0 {
-                eval.value += self.diffuse(wo, wi, facet.wo_h);
-                eval.pdf_w += lobes.diffuse * warp::cosine_hemisphere_pdf_w(wi.z);
-            }
+        if lobes.diffuse > 0.0 {
+            eval.value += self.diffuse(wo, wi, facet.wo_h);
+            eval.pdf_w += lobes.diffuse * warp::cosine_hemisphere_pdf_w(wi.z);
+        }
+        if lobes.coat > 0.0 {
+            let coat = self.coat(wo, wi, facet, lobes.coat);
+            eval.value = eval.value * self.passes_coat(wo, wi) + coat.value;
+            eval.pdf_w += coat.pdf_w;
         }
         eval.or_zero()
+    }
+
+    /// What the coat reflects, and its density where it has been chosen with this probability.
+    fn coat(&self, wo: Vec3, wi: Vec3, facet: &Facet, probability: f32) -> BsdfEval {
+        if self.conserves {
+            let share = Rgb::splat(self.coat_reflectance(facet.wo_h));
+            return self.coat_facets().scatter(wo, wi, facet, (share, probability));
+        }
+        let d = self.burley_coat().d(facet.h);
+        let shadowing = Smith::new([COAT_SHADOWING; 2], Distribution::Ggx);
+        let masking = shadowing.g1(wo) * shadowing.g1(wi);
+        let fresnel = self.schlick(Rgb::splat(COAT_REFLECTANCE), facet.wo_h);
+        BsdfEval {
+            value: fresnel * (0.25 * self.clearcoat * d * masking * wi.z),
+            pdf_w: probability * d * facet.h.z / (4.0 * facet.wo_h),
+        }
+    }
+
+    /// What a coat that is a layer reflects under the cosine `cos`.
+    fn coat_reflectance(&self, cos: f32) -> f32 {
+        self.clearcoat * fresnel_dielectric(cos, COAT_INDEX)
+    }
+
+    /// What a coat that is a layer leaves of light between two directions.
+    fn passes_coat(&self, wo: Vec3, wi: Vec3) -> f32 {
+        if !self.conserves || self.clearcoat == 0.0 {
+            return 1.0;
+        }
+        let is_outside = [self.front, self.thin || self.front == (wi.z > 0.0)];
+        let passes = |w: Vec3, is_outside| {
+            if is_outside {
+                1.0 - self.coat_reflectance(w.z.abs())
+            } else {
+                1.0
+            }
+        };
+        passes(wo, is_outside[0]) * passes(wi, is_outside[1])
     }
 
     /// The diffuse part and the sheen, times |cos θi|.
@@ -177,7 +243,7 @@ impl PrincipledBsdf {
         let diffuse = self.base_color * (self.opaque() * shape * FRAC_1_PI);
         let sheen = self.hue(self.sheen_tint) * (self.sheen * (1.0 - self.metallic) * schlick_weight(cos_d));
         let left = if self.conserves {
-            (1.0 - fresnel_dielectric(wo.z, self.eta)) * (1.0 - fresnel_dielectric(wi.z, self.eta))
+            (1.0 - self.dielectric(wo.z).max_component()) * (1.0 - self.dielectric(wi.z).max_component())
         } else {
             1.0
         };
@@ -186,27 +252,62 @@ impl PrincipledBsdf {
 
     /// What microfacets reflect and transmit under the cosine `cos`.
     fn shares(&self, cos: f32) -> Shares {
-        let fresnel = fresnel_dielectric(cos, self.index());
+        let dielectric = self.dielectric(cos);
         let reflected = if self.front {
-            let dielectric = (1.0 - self.metallic) * (1.0 - self.spec_tint) * fresnel;
-            let mut reflected = Rgb::splat(dielectric);
+            let mut reflected = dielectric * ((1.0 - self.metallic) * (1.0 - self.spec_tint));
             if self.metallic > 0.0 {
                 reflected += self.schlick(self.base_color, cos) * self.metallic;
             }
-            let tinted = (1.0 - self.metallic) * self.spec_tint;
+            let tinted = (1.0 - self.metallic) * self.spec_tint * self.specular;
             if tinted > 0.0 {
-                let at_normal = (self.eta - 1.0) / (self.eta + 1.0);
-                reflected += self.schlick(self.hue(1.0) * (at_normal * at_normal), cos) * tinted;
+                reflected += self.schlick(self.hue(1.0) * self.at_normal(), cos) * tinted;
             }
             reflected
         } else {
             // From inside only glass is seen.
-            Rgb::splat(self.glass() * fresnel)
+            dielectric * self.glass()
+        };
+        // Light crosses the surface of a solid twice.
+        let tint = if self.thin {
+            self.base_color
+        } else {
+            self.base_color.map(f32::sqrt)
         };
         Shares {
             reflected,
-            transmitted: self.base_color.map(f32::sqrt) * (self.glass() * (1.0 - fresnel)),
+            transmitted: tint * (self.glass() * (1.0 - dielectric.max_component())),
         }
+    }
+
+    /// What a facet that is not metal reflects under the cosine `cos`.
+    fn dielectric(&self, cos: f32) -> Rgb {
+        let fresnel = fresnel_dielectric(cos, self.index());
+        // Total reflection stays total.
+        if fresnel == 1.0 {
+            return Rgb::WHITE;
+        }
+        self.specular(fresnel)
+    }
+
+    /// The reflectance in place of the one by the index alone.
+    fn specular(&self, fresnel: f32) -> Rgb {
+        if self.specular == 1.0 && self.specular_color == Rgb::WHITE {
+            return Rgb::splat(fresnel);
+        }
+        let plain = self.plain_at_normal();
+        let rise = ((fresnel - plain) / (1.0 - plain)).clamp(0.0, 1.0);
+        self.at_normal().lerp(Rgb::WHITE, rise) * self.specular
+    }
+
+    /// Reflectance along the normal by the index alone.
+    fn plain_at_normal(&self) -> f32 {
+        let amplitude = (self.eta - 1.0) / (self.eta + 1.0);
+        amplitude * amplitude
+    }
+
+    /// The same with its colour.
+    fn at_normal(&self) -> Rgb {
+        (self.specular_color * self.plain_at_normal()).map(|c| c.min(1.0))
     }
 
     /// Probabilities of sampling the lobes: about what each sends towards `wo`.
@@ -219,7 +320,12 @@ impl PrincipledBsdf {
             } else {
                 0.0
             };
-            (diffuse, COAT_REFLECTANCE * self.clearcoat)
+            let coat = if self.conserves {
+                self.coat_reflectance(wo.z)
+            } else {
+                COAT_REFLECTANCE * self.clearcoat
+            };
+            (diffuse, coat)
         } else {
             (0.0, 0.0)
         };
@@ -262,9 +368,14 @@ impl PrincipledBsdf {
         )
     }
 
-    fn coat(&self) -> Gtr1 {
-        let alpha = 0.1 + (0.001 - 0.1) * self.clearcoat_gloss;
-        Gtr1 { alpha2: alpha * alpha }
+    fn burley_coat(&self) -> Gtr1 {
+        Gtr1 {
+            alpha2: self.coat_alpha * self.coat_alpha,
+        }
+    }
+
+    fn coat_facets(&self) -> Smith {
+        Smith::new([self.coat_alpha.max(MIN_ALPHA); 2], Distribution::Ggx)
     }
 
     /// The index, kept away from 1 where light is transmitted: nothing bends there, which leaves no half vector.
@@ -291,8 +402,8 @@ impl PrincipledBsdf {
         self.glass() > 0.0
     }
 
-    /// See [`super::Bsdf::albedo`]. The coat's part is a fit, within 0.002; where energy is conserved, the diffuse part is as if it did
-    /// not change with the angle, within 0.01.
+    /// See [`super::Bsdf::albedo`]. The part of Burley's coat is a fit, within 0.002; where energy is conserved, the diffuse part is as
+    /// if it did not change with the angle, and the coat as if it were smooth, within 0.01.
     pub(super) fn albedo(&self) -> Rgb {
         let shares = self.shares(1.0);
         let specular = shares.reflected + shares.transmitted;
@@ -302,17 +413,20 @@ impl PrincipledBsdf {
         // Integrals over the hemisphere of what `diffuse` has along the normal, but for the sheen's, which are below 3e-4.
         let (r, flatness) = (self.roughness, self.flatness);
         let shape = (41.0 / 42.0 + r * (5.0 / 84.0)) * (1.0 - flatness) + (0.748_668 + r * (1.25 / 112.0)) * flatness;
-        // What the coat's wide tails reflect below the horizon depends on their width.
-        let gloss = self.clearcoat_gloss;
-        let coat = self.clearcoat * (0.0257 + 0.0093 * gloss * gloss.sqrt());
-        let left = if self.conserves {
-            // Of light from all sides, as much passes inwards as outwards.
-            let passes = self.eta * self.eta * (1.0 - smooth_internal_reflectance(self.eta));
-            (1.0 - fresnel_dielectric(1.0, self.eta)) * passes
-        } else {
-            1.0
-        };
-        specular + self.base_color * (self.opaque() * shape * left) + Rgb::splat(coat)
+        let diffuse = self.base_color * (self.opaque() * shape);
+        if !self.conserves {
+            // What the coat's wide tails reflect below the horizon depends on their width.
+            let gloss = (BURLEY_COAT_ALPHA[0] - self.coat_alpha) / (BURLEY_COAT_ALPHA[0] - BURLEY_COAT_ALPHA[1]);
+            let coat = self.clearcoat * (0.0257 + 0.0093 * gloss * gloss.sqrt());
+            return specular + diffuse + Rgb::splat(coat);
+        }
+        // Of light from all sides, as much passes inwards as outwards.
+        let passes = self.eta * self.eta * (1.0 - smooth_internal_reflectance(self.eta));
+        let left = 1.0 - self.specular(1.0 - passes).max_component();
+        let diffuse = diffuse * ((1.0 - self.dielectric(1.0).max_component()) * left);
+        let coat = self.clearcoat * COAT_REFLECTANCE;
+        let left = [1.0 - coat, 1.0 - self.clearcoat * COAT_DIFFUSE_REFLECTANCE];
+        (specular * left[0] + diffuse * left[1]) * left[0] + Rgb::splat(coat)
     }
 }
 
@@ -361,12 +475,15 @@ mod tests {
         // Of Mitsuba's `specular` 0.5.
         eta: 1.5,
         spec_tint: 0.0,
+        specular: 1.0,
+        specular_color: Rgb::WHITE,
         sheen: 0.0,
         sheen_tint: 0.0,
         flatness: 0.0,
         clearcoat: 0.0,
-        clearcoat_gloss: 0.0,
+        coat_alpha: 0.1,
         conserves: false,
+        thin: false,
         front: true,
         tangent: [1.0, 0.0],
     };
@@ -382,7 +499,8 @@ mod tests {
         sheen_tint: 0.3,
         flatness: 0.25,
         clearcoat: 0.7,
-        clearcoat_gloss: 0.2,
+        // Of gloss 0.2.
+        coat_alpha: 0.0802,
         ..PLAIN
     };
 
@@ -472,6 +590,104 @@ mod tests {
                     "index {eta}, roughness {roughness}, cos {cos}: {sent}"
                 );
             }
+        }
+    }
+
+    #[test]
+    fn a_coat_that_conserves_adds_nothing_to_what_is_white() {
+        let white = PrincipledBsdf {
+            base_color: Rgb::WHITE,
+            conserves: true,
+            clearcoat: 1.0,
+            ..PLAIN
+        };
+        let metal = PrincipledBsdf { metallic: 1.0, ..white };
+        let thin = PrincipledBsdf {
+            spec_trans: 1.0,
+            thin: true,
+            ..white
+        };
+        for (name, bsdf) in [("plastic", white), ("metal", metal), ("thin wall", thin)] {
+            for coat_alpha in [0.0, 0.1, 0.5, 1.0] {
+                for roughness in [0.1, 0.5] {
+                    for cos in [1.0, 0.6, 0.2, 0.05] {
+                        let sent = furnace(
+                            &PrincipledBsdf {
+                                coat_alpha,
+                                roughness,
+                                ..bsdf
+                            },
+                            cos,
+                        );
+                        // Tilted facets of the coat reflect less at grazing angles than is taken from what is below.
+                        assert!(
+                            sent > 0.1 && sent < 1.0 + 1e-3,
+                            "{name} of roughness {roughness}, coat of {coat_alpha}, cos {cos}: {sent}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_smooth_coat_on_black_reflects_as_glass_does() {
+        let coat = PrincipledBsdf {
+            base_color: Rgb::BLACK,
+            specular: 0.0,
+            conserves: true,
+            clearcoat: 0.5,
+            coat_alpha: 0.0,
+            ..PLAIN
+        };
+        for cos in [1.0, 0.6, 0.2] {
+            let (sent, expected) = (furnace(&coat, cos), 0.5 * f64::from(fresnel_dielectric(cos, 1.5)));
+            assert!((sent - expected).abs() < 1e-3, "cos {cos}: {sent} for {expected}");
+        }
+    }
+
+    #[test]
+    fn the_specular_factors_scale_the_reflectance_along_the_normal_and_at_the_horizon() {
+        let tinted = PrincipledBsdf {
+            specular: 0.5,
+            specular_color: Rgb::new(1.0, 0.5, 30.0),
+            ..PLAIN
+        };
+        let close = |a: Rgb, b: [f32; 3]| (a - Rgb::from(b)).map(f32::abs).max_component() < 1e-5;
+        let [along, grazing] = [1.0, 0.0].map(|cos| tinted.dielectric(cos));
+        assert!(close(along, [0.02, 0.01, 0.5]), "{along:?}");
+        // The horizon of a dielectric reflects all of it.
+        assert!(
+            close(tinted.dielectric(1e-7), [0.5; 3]) && close(grazing, [1.0; 3]),
+            "{grazing:?}"
+        );
+        let glass = PrincipledBsdf {
+            eta: 1.0 / 1.5,
+            spec_trans: 1.0,
+            front: false,
+            ..tinted
+        };
+        assert_eq!(glass.dielectric(0.3), Rgb::WHITE, "total reflection");
+    }
+
+    #[test]
+    fn a_thin_wall_does_not_bend_light() {
+        let thin = PrincipledBsdf {
+            base_color: Rgb::new(0.5, 0.25, 1.0),
+            spec_trans: 1.0,
+            roughness: 0.01,
+            thin: true,
+            ..PLAIN
+        };
+        let wo = Vec3::new(0.6, 0.0, 0.8);
+        let sample = thin.sample(wo, 0.9999, [0.3, 0.6]).expect("light passes");
+        assert!(sample.wi.distance(-wo) < 1e-2, "{:?}", sample.wi);
+        let passes = 1.0 - fresnel_dielectric(0.8, 1.5);
+        let expected = [0.5, 0.25, 1.0].map(|c| f64::from(c * passes));
+        let [r, g, b] = mean_weight(&Bsdf::Principled(thin), wo);
+        let reflected = f64::from(1.0 - passes);
+        for (mean, expected) in [r, g, b].into_iter().zip(expected) {
+            assert!((mean - reflected - expected).abs() < 2e-3, "{mean} for {expected}");
         }
     }
 

@@ -83,6 +83,10 @@ pub struct Principled {
     pub ior: f32,
     /// How much of the base's hue reflections of what is not metal take.
     pub spec_tint: Scalar,
+    /// Factor on those.
+    pub specular: Scalar,
+    /// Factor on their reflectance along the normal; at least 0, and more than 1 where that is left below 1.
+    pub specular_color: Spectrum,
     /// Retro-reflection of cloth at grazing angles.
     pub sheen: Scalar,
     /// How much of the base's hue that takes.
@@ -91,10 +95,15 @@ pub struct Principled {
     pub flatness: Scalar,
     /// A second, colourless coat.
     pub clearcoat: Scalar,
-    /// Gloss of that coat: from satin to shiny.
+    /// Gloss of that coat where energy is not conserved: from satin to shiny.
     pub clearcoat_gloss: Scalar,
-    /// Whether what facets reflect is taken from the diffuse part. Without, a white surface sends on more than it gets.
+    /// Square root of that coat's GGX width where energy is conserved.
+    pub clearcoat_roughness: Scalar,
+    /// Whether what facets reflect is taken from the diffuse part, and what the coat reflects from all below. Without, a white
+    /// surface sends on more than it gets.
     pub conserves: bool,
+    /// Whether what is glass is a thin wall, which does not refract, and not a solid.
+    pub thin: bool,
 }
 
 impl Principled {
@@ -109,12 +118,16 @@ impl Principled {
             spec_trans: zero,
             ior: 1.5,
             spec_tint: zero,
+            specular: Scalar::Constant(1.0),
+            specular_color: Spectrum::Constant(Rgb::WHITE),
             sheen: zero,
             sheen_tint: zero,
             flatness: zero,
             clearcoat: zero,
             clearcoat_gloss: zero,
+            clearcoat_roughness: zero,
             conserves: true,
+            thin: false,
         }
     }
 }
@@ -180,8 +193,8 @@ impl General {
                 nonlinear: *nonlinear,
             }),
             General::Principled(p) => {
-                // Without glass there is no inside.
-                let front = front || !self.transmits();
+                // Without solid glass there is no inside.
+                let front = front || p.thin || !self.transmits();
                 Bsdf::Principled(PrincipledBsdf {
                     base_color: color(&p.base_color),
                     roughness: number(&p.roughness),
@@ -190,12 +203,19 @@ impl General {
                     spec_trans: number(&p.spec_trans),
                     eta: if front { p.ior } else { 1.0 / p.ior },
                     spec_tint: number(&p.spec_tint),
+                    specular: number(&p.specular),
+                    specular_color: p.specular_color.at::<true>(textures, point).map(|c| c.max(0.0)),
                     sheen: number(&p.sheen),
                     sheen_tint: number(&p.sheen_tint),
                     flatness: number(&p.flatness),
                     clearcoat: number(&p.clearcoat),
-                    clearcoat_gloss: number(&p.clearcoat_gloss),
+                    coat_alpha: if p.conserves {
+                        number(&p.clearcoat_roughness).powi(2)
+                    } else {
+                        PrincipledBsdf::burley_coat_alpha(number(&p.clearcoat_gloss))
+                    },
                     conserves: p.conserves,
+                    thin: p.thin,
                     front,
                     tangent: tangent(),
                 })
@@ -240,15 +260,17 @@ impl General {
                     &p.metallic,
                     &p.spec_trans,
                     &p.spec_tint,
+                    &p.specular,
                     &p.sheen,
                     &p.sheen_tint,
                     &p.flatness,
                     &p.clearcoat,
                     &p.clearcoat_gloss,
+                    &p.clearcoat_roughness,
                 ]
                 .into_iter()
                 .for_each(&mut scalar);
-                visit(&p.base_color);
+                [&p.base_color, &p.specular_color].into_iter().for_each(visit);
             }
             General::Blend { weight, .. } => scalar(weight),
         }

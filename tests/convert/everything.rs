@@ -164,8 +164,13 @@ fn scatterings(random: &mut Random) -> Vec<Scattering> {
                 sheen_tint: Scalar::Constant(random.unit()),
                 flatness: other,
                 clearcoat: Scalar::Constant(random.unit()),
-                clearcoat_gloss: varying,
+                // Each coat has its own.
+                clearcoat_gloss: if i % 2 == 0 { Scalar::Constant(0.0) } else { varying },
+                clearcoat_roughness: if i % 2 == 0 { varying } else { Scalar::Constant(0.0) },
+                specular: other,
+                specular_color: Spectrum::Constant(rgb(random)),
                 conserves: i % 2 == 0,
+                thin: i % 4 == 1,
                 ..Principled::new(spectrum)
             }))),
             Scattering::General(General::Blend {

@@ -240,11 +240,24 @@ fn transmission_and_index_make_glass() {
     assert!(
         matches!(glass.spec_trans, Scalar::Varying(Spectrum::Bitmap(_, tint), Channel::R) if tint == Rgb::splat(0.75))
     );
-    let thin = with_texture(extended(
-        "KHR_materials_transmission",
-        json!({ "transmissionFactor": 1 }),
-    ));
-    assert!(thin.warning().contains("meant for a thin wall"));
+    assert!(!glass.thin);
+    for volume in [None, Some(json!({})), Some(json!({ "thicknessFactor": 0 }))] {
+        let mut extensions = json!({ "KHR_materials_transmission": { "transmissionFactor": 1 } });
+        if let Some(volume) = volume {
+            extensions["KHR_materials_volume"] = volume;
+        }
+        let desc = with_texture(json!({ "extensions": extensions })).load_without_warnings();
+        assert!(principled(&desc.materials[0].1).thin);
+    }
+    let absorbing = with_texture(json!({ "extensions": {
+        "KHR_materials_transmission": { "transmissionFactor": 1 },
+        "KHR_materials_volume": { "thicknessFactor": 1, "attenuationDistance": 2 },
+    }}));
+    assert!(
+        absorbing
+            .warning()
+            .contains("absorption within KHR_materials_volume is ignored")
+    );
     let odd = with_texture(extended("KHR_materials_ior", json!({ "ior": 0 })));
     assert!(odd.warning().contains("not within 1 and 100"));
     let none = load(extended("KHR_materials_ior", json!({ "ior": 1 })));
@@ -252,39 +265,71 @@ fn transmission_and_index_make_glass() {
 }
 
 #[test]
-fn specular_scales_the_reflectance_at_normal_incidence() {
-    let reflectance = |content: Value| {
-        let desc = load(extended("KHR_materials_specular", content));
-        let ior = principled(&desc.materials[0].1).ior;
-        ((ior - 1.0) / (ior + 1.0)).powi(2)
+fn specular_scales_and_colours_what_is_reflected_and_factors_above_one_raise_the_index() {
+    let specular = |content: Value| {
+        let desc = with_texture(extended("KHR_materials_specular", content)).load_without_warnings();
+        let p = principled(&desc.materials[0].1);
+        (p.specular, p.specular_color, ((p.ior - 1.0) / (p.ior + 1.0)).powi(2))
     };
-    assert!((reflectance(json!({})) - 0.04).abs() < 1e-6);
-    assert!((reflectance(json!({ "specularFactor": 0.25 })) - 0.01).abs() < 1e-6);
-    assert!((reflectance(json!({ "specularColorFactor": [2, 2, 2] })) - 0.08).abs() < 1e-6);
-    assert!(reflectance(json!({ "specularFactor": 0 })) < 1e-6);
-    let hue = with_texture(extended(
-        "KHR_materials_specular",
-        json!({ "specularColorFactor": [1, 0.5, 0] }),
-    ));
-    assert!(hue.warning().contains("the hue of KHR_materials_specular is ignored"));
+    let (strength, color, reflectance) = specular(json!({}));
+    assert_eq!(
+        (strength, color),
+        (Scalar::Constant(1.0), Spectrum::Constant(Rgb::WHITE))
+    );
+    assert!((reflectance - 0.04).abs() < 1e-6);
+    let (strength, color, _) = specular(json!({ "specularFactor": 0.25, "specularColorFactor": [1, 0.5, 0] }));
+    assert_eq!(
+        (strength, color),
+        (Scalar::Constant(0.25), Spectrum::Constant(Rgb::new(1.0, 0.5, 0.0)))
+    );
+    let (_, color, reflectance) = specular(json!({ "specularColorFactor": [2, 1, 2] }));
+    assert_eq!(color, Spectrum::Constant(Rgb::new(1.0, 0.5, 1.0)));
+    assert!((reflectance - 0.08).abs() < 1e-6);
+    let textures = json!({ "specularTexture": { "index": 0 }, "specularColorTexture": { "index": 0 } });
+    let (strength, color, _) = specular(textures);
+    assert!(matches!(strength, Scalar::Varying(Spectrum::Bitmap(..), Channel::Mean)));
+    assert!(matches!(color, Spectrum::Bitmap(_, Rgb::WHITE)));
+    let glass = with_texture(json!({ "extensions": {
+        "KHR_materials_transmission": { "transmissionFactor": 1 },
+        "KHR_materials_specular": { "specularColorFactor": [2, 2, 2] },
+    }}));
+    assert!(glass.warning().contains("limited to factors of 1"));
 }
 
 #[test]
-fn a_clear_coat_is_approximated_and_said_so() {
+fn a_clear_coat_is_a_layer_with_a_roughness() {
     let coat = |content: Value| with_texture(extended("KHR_materials_clearcoat", content));
-    let desc = coat(json!({ "clearcoatFactor": 0.5, "clearcoatRoughnessFactor": 0 })).load();
+    let desc = coat(json!({ "clearcoatFactor": 0.5, "clearcoatRoughnessFactor": 0.25 })).load_without_warnings();
     let p = principled(&desc.materials[0].1);
     assert_eq!(
-        (p.clearcoat, p.clearcoat_gloss),
-        (Scalar::Constant(0.5), Scalar::Constant(1.0))
+        (p.clearcoat, p.clearcoat_roughness, p.conserves),
+        (Scalar::Constant(0.5), Scalar::Constant(0.25), true)
     );
-    assert!(
-        coat(json!({ "clearcoatFactor": 0.5 }))
-            .warning()
-            .contains("is approximated")
-    );
+    let desc = coat(json!({
+        "clearcoatFactor": 1, "clearcoatTexture": { "index": 0 },
+        "clearcoatRoughnessFactor": 1, "clearcoatRoughnessTexture": { "index": 0 },
+    }))
+    .load_without_warnings();
+    let p = principled(&desc.materials[0].1);
+    assert!(matches!(p.clearcoat, Scalar::Varying(_, Channel::R)));
+    assert!(matches!(p.clearcoat_roughness, Scalar::Varying(_, Channel::G)));
     let none = coat(json!({})).load_without_warnings();
     assert_eq!(principled(&none.materials[0].1).clearcoat, Scalar::Constant(0.0));
+    let bent = coat(json!({ "clearcoatFactor": 1, "clearcoatNormalTexture": { "index": 0 } }));
+    assert!(bent.warning().contains("the clear coat follows the normal map"));
+    for (content, problem) in [
+        (json!({ "clearcoatFactor": "1" }), "invalid type"),
+        (
+            json!({ "clearcoatFactor": 1, "clearcoatTexture": { "index": 9 } }),
+            "no texture of that index",
+        ),
+    ] {
+        let error = coat(content).error();
+        assert!(
+            error.contains("KHR_materials_clearcoat") && error.contains(problem),
+            "{error}"
+        );
+    }
 }
 
 #[test]
@@ -314,11 +359,7 @@ fn extensions_that_are_used_are_ignored_and_those_required_are_not() {
         file.warning()
             .contains("KHR_materials_sheen is not supported and is ignored")
     );
-    for name in [
-        "KHR_draco_mesh_compression",
-        "KHR_materials_clearcoat",
-        "KHR_materials_volume",
-    ] {
+    for name in ["KHR_draco_mesh_compression", "KHR_materials_volume"] {
         file.json["extensionsRequired"] = json!(["KHR_materials_ior", name]);
         let error = file.error();
         let expected = format!("scene.gltf: extensionsRequired[1]: {name} is not supported");

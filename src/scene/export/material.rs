@@ -133,6 +133,20 @@ fn add_principled(add: &mut impl FnMut(&'static str, Item), principled: &Princip
     add_colour(add, &principled.base_color, names);
     add("ior", principled.ior.into());
     let default = Principled::new(principled.base_color);
+    // Each coat has its own.
+    let coat = if principled.conserves {
+        (
+            "clearcoat_roughness",
+            principled.clearcoat_roughness,
+            Some(default.clearcoat_roughness),
+        )
+    } else {
+        (
+            "clearcoat_gloss",
+            principled.clearcoat_gloss,
+            Some(default.clearcoat_gloss),
+        )
+    };
     for (key, parameter, default) in [
         ("roughness", principled.roughness, None),
         ("anisotropic", principled.anisotropic, Some(default.anisotropic)),
@@ -143,18 +157,19 @@ fn add_principled(add: &mut impl FnMut(&'static str, Item), principled: &Princip
         ("sheen_tint", principled.sheen_tint, Some(default.sheen_tint)),
         ("flatness", principled.flatness, Some(default.flatness)),
         ("clearcoat", principled.clearcoat, Some(default.clearcoat)),
-        (
-            "clearcoat_gloss",
-            principled.clearcoat_gloss,
-            Some(default.clearcoat_gloss),
-        ),
+        coat,
+        ("specular", principled.specular, Some(default.specular)),
     ] {
         if default != Some(parameter) {
             add(key, scalar(&parameter, names));
         }
     }
+    add_factor(add, "specular_color", &principled.specular_color, names);
     if !principled.conserves {
         add("conserves", false.into());
+    }
+    if principled.thin && principled.spec_trans != default.spec_trans {
+        add("thin", true.into());
     }
 }
 

@@ -136,6 +136,26 @@ fn scattering(kind: Kind, table: &Table<'_>, context: &mut Context<'_>) -> Resul
 
 fn principled(table: &Table<'_>, context: &mut Context<'_>) -> Result<Principled> {
     let default = Principled::new(main_colour(table, context)?);
+    let conserves = table.get("conserves").map_or(Ok(default.conserves), |f| f.flag())?;
+    let thin = table.get("thin").map_or(Ok(default.thin), |f| f.flag())?;
+    let (without, why) = if conserves {
+        (
+            "clearcoat_gloss",
+            "is for `conserves = false`; give `clearcoat_roughness`",
+        )
+    } else {
+        (
+            "clearcoat_roughness",
+            "is not for `conserves = false`; give `clearcoat_gloss`",
+        )
+    };
+    if let Some(field) = table.get(without) {
+        return Err(field.error(why));
+    }
+    if let (Some(field), true, None) = (table.get("thin"), thin, table.get("spec_trans")) {
+        return Err(field.error("says what transmits light is a thin wall; give `spec_trans` as well"));
+    }
+    let specular_color = factor("specular_color", table, context)?;
     let mut parameter = |key, default: Scalar| table.get(key).map_or(Ok(default), |f| scalar(&f, context));
     Ok(Principled {
         roughness: parameter("roughness", default.roughness)?,
@@ -149,7 +169,11 @@ fn principled(table: &Table<'_>, context: &mut Context<'_>) -> Result<Principled
         flatness: parameter("flatness", default.flatness)?,
         clearcoat: parameter("clearcoat", default.clearcoat)?,
         clearcoat_gloss: parameter("clearcoat_gloss", default.clearcoat_gloss)?,
-        conserves: table.get("conserves").map_or(Ok(default.conserves), |f| f.flag())?,
+        clearcoat_roughness: parameter("clearcoat_roughness", default.clearcoat_roughness)?,
+        specular: parameter("specular", default.specular)?,
+        specular_color,
+        conserves,
+        thin,
         base_color: default.base_color,
     })
 }

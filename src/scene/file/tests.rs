@@ -299,6 +299,18 @@ fn a_wrong_material_is_named_with_what_is_right() {
             ["materials.m", "m -> n -> m"],
         ),
         (
+            "type = \"principled\"\nrgb = [1, 1, 1]\nclearcoat_gloss = 1",
+            ["materials.m.clearcoat_gloss", "give `clearcoat_roughness`"],
+        ),
+        (
+            "type = \"principled\"\nrgb = [1, 1, 1]\nconserves = false\nclearcoat_roughness = 1",
+            ["materials.m.clearcoat_roughness", "give `clearcoat_gloss`"],
+        ),
+        (
+            "type = \"principled\"\nrgb = [1, 1, 1]\nthin = true",
+            ["materials.m.thin", "give `spec_trans`"],
+        ),
+        (
             "type = \"mirror\"\nback = \"n\"\n[materials.n]\ntype = \"mirror\"\nopacity = { rgb = [0.5, 0.5, 0.5] }",
             ["materials.m", "refers to \"n\", which has `opacity`"],
         ),

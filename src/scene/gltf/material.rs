@@ -1,6 +1,7 @@
 //! Materials: metallic-roughness as the principled model, and what extensions add to it.
 
 use super::super::bitmap::{Role, Threshold};
+use super::layer::{Clearcoat, Volume};
 use super::mesh::VertexAlpha;
 use super::resource::Buffers;
 use super::texture::{Reference, Textures};
@@ -9,6 +10,7 @@ use crate::light::Emission;
 use crate::material::{Channel, General, Material, Principled, Relief, Scalar, Scattering, Spectrum};
 use crate::math::Rgb;
 use crate::texture::{Encoding, Texture};
+use gltf::json::extensions::material::Specular;
 use gltf::json::material::{AlphaMode, Material as Json};
 use gltf::json::texture::Info;
 use gltf::json::validation::Checked;
@@ -141,15 +143,20 @@ pub(super) fn set_of(asset: &Asset<'_>, material: Option<usize>, notes: &mut Not
     let name = label("materials", index, json.name.as_deref());
     let pbr = &json.pbr_metallic_roughness;
     let transmission = json.extensions.as_ref().and_then(|e| e.transmission.as_ref());
+    let specular = json.extensions.as_ref().and_then(|e| e.specular.as_ref());
+    let coat = Clearcoat::of(asset, json, &name)?;
     let infos = [
         pbr.base_color_texture.as_ref(),
         pbr.metallic_roughness_texture.as_ref(),
         json.emissive_texture.as_ref(),
         transmission.and_then(|t| t.transmission_texture.as_ref()),
+        specular.and_then(|s| s.specular_texture.as_ref()),
+        specular.and_then(|s| s.specular_color_texture.as_ref()),
     ];
     let mut sets: Vec<u32> = infos
         .into_iter()
         .flatten()
+        .chain(coat.iter().flat_map(Clearcoat::textures))
         .map(|info| Reference::of(info).set)
         .collect();
     if let Some(normals) = &json.normal_texture {
@@ -319,22 +326,19 @@ impl Reading<'_> {
         if let Some(ior) = &extensions.ior {
             principled.ior = self.ior(ior.ior.0);
         }
-        let transmits = principled.spec_trans != Scalar::Constant(0.0);
-        if extensions.specular.is_some() {
-            self.specular(&mut principled, transmits);
+        let volume = Volume::of(self.asset, self.json, self.name)?;
+        principled.thin = volume.as_ref().is_none_or(|volume| volume.thickness_factor == 0.0);
+        if !principled.thin && volume.is_some_and(|volume| volume.attenuation_distance.is_some()) {
+            self.note("absorption within KHR_materials_volume is ignored");
         }
-        match extensions.others.get("KHR_materials_volume") {
-            Some(volume) if volume.get("attenuationDistance").is_some() => {
-                self.note("absorption within KHR_materials_volume is ignored");
-            }
-            None if transmits => self.note(
-                "transmission without KHR_materials_volume is meant for a thin wall; it is shown as solid glass, which refracts",
-            ),
-            _ => {}
+        if let Some(specular) = &extensions.specular {
+            self.specular(&mut principled, specular)?;
         }
-        if let Some(clearcoat) = extensions.others.get("KHR_materials_clearcoat") {
-            self.clearcoat(&mut principled, clearcoat)?;
+        if let Some(clearcoat) = Clearcoat::of(self.asset, self.json, self.name)? {
+            self.clearcoat(&mut principled, &clearcoat)?;
         }
+        // What transmits nothing has no walls.
+        principled.thin &= principled.spec_trans != Scalar::Constant(0.0);
         Ok(principled)
     }
 
@@ -346,46 +350,45 @@ impl Reading<'_> {
         1.5
     }
 
-    /// The reflectance at normal incidence is scaled by way of the index.
-    fn specular(&mut self, principled: &mut Principled, transmits: bool) {
-        let Some(specular) = self.json.extensions.as_ref().and_then(|e| e.specular.as_ref()) else {
-            return;
+    fn specular(&mut self, principled: &mut Principled, specular: &Specular) -> Result<(), LoadError> {
+        // The strength is in the alpha channel.
+        principled.specular = match &specular.specular_texture {
+            Some(info) => {
+                let factor = Rgb::splat(unit(specular.specular_factor.0));
+                let bitmap = self.bitmap(&Reference::of(info), Role::Alpha(None), factor)?;
+                Scalar::Varying(bitmap, Channel::Mean)
+            }
+            None => Scalar::Constant(unit(specular.specular_factor.0)),
         };
-        if specular.specular_texture.is_some() || specular.specular_color_texture.is_some() {
-            self.note("the textures of KHR_materials_specular are ignored; its factors are used");
-        }
         let color = Rgb::from(specular.specular_color_factor.0).map(|c| if c.is_finite() { c.max(0.0) } else { 1.0 });
-        if color.r != color.g || color.g != color.b {
-            self.note("the hue of KHR_materials_specular is ignored; its luminance is used");
+        // Factors have no limit, but the reflectance has: what is beyond 1 is a higher index.
+        let most = color.max_component().max(1.0);
+        if most > 1.0 && principled.spec_trans == Scalar::Constant(0.0) {
+            let amplitude = (principled.ior - 1.0) / (principled.ior + 1.0);
+            // The index is infinite at 1.
+            let amplitude = (amplitude * amplitude * most).min(0.9).sqrt();
+            principled.ior = ((1.0 + amplitude) / (1.0 - amplitude)).max(LEAST_IOR);
+        } else if most > 1.0 {
+            self.note("KHR_materials_specular is limited to factors of 1 where the material transmits light");
         }
-        let scale = unit(specular.specular_factor.0) * color.luminance();
-        if scale == 1.0 {
-            return;
-        }
-        if transmits {
-            self.note("KHR_materials_specular is ignored where the material transmits light");
-            return;
-        }
-        let amplitude = (principled.ior - 1.0) / (principled.ior + 1.0);
-        // Metals are beyond 0.9, and the index is infinite at 1.
-        let amplitude = (amplitude * amplitude * scale).clamp(0.0, 0.9).sqrt();
-        principled.ior = ((1.0 + amplitude) / (1.0 - amplitude)).max(LEAST_IOR);
+        let color = color / most;
+        principled.specular_color = match &specular.specular_color_texture {
+            Some(info) => self.bitmap(&Reference::of(info), Role::Colour(Some(Encoding::Srgb)), color)?,
+            None => Spectrum::Constant(color),
+        };
+        Ok(())
     }
 
-    /// The coat of the principled model is not that of the extension: a quarter as strong, and it takes nothing from the base.
-    fn clearcoat(&mut self, principled: &mut Principled, json: &serde_json::Value) -> Result<(), LoadError> {
-        let number = |key: &str| json.get(key).and_then(serde_json::Value::as_f64).unwrap_or(0.0) as f32;
-        let factor = unit(number("clearcoatFactor"));
-        if factor == 0.0 {
+    fn clearcoat(&mut self, principled: &mut Principled, coat: &Clearcoat) -> Result<(), LoadError> {
+        principled.clearcoat = self.scalar(coat.clearcoat_factor, coat.clearcoat_texture.as_ref(), Channel::R)?;
+        if principled.clearcoat == Scalar::Constant(0.0) {
             return Ok(());
         }
-        self.note(
-            "KHR_materials_clearcoat is approximated by the coat of the principled model; its textures are ignored",
-        );
-        principled.clearcoat = Scalar::Constant(factor);
-        // Widths go from 0.1 for no gloss to 0.001.
-        let alpha = unit(number("clearcoatRoughnessFactor")).powi(2);
-        principled.clearcoat_gloss = Scalar::Constant(unit((0.1 - alpha) / (0.1 - 0.001)));
+        let texture = coat.clearcoat_roughness_texture.as_ref();
+        principled.clearcoat_roughness = self.scalar(coat.clearcoat_roughness_factor, texture, Channel::G)?;
+        if coat.clearcoat_normal_texture.is_some() || self.json.normal_texture.is_some() {
+            self.note("the clear coat follows the normal map of what is below");
+        }
         Ok(())
     }
 

@@ -8,6 +8,7 @@
 mod accessor;
 mod camera;
 mod container;
+mod layer;
 mod light;
 mod material;
 mod mesh;

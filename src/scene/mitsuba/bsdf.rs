@@ -266,6 +266,7 @@ impl Importer<'_> {
             clearcoat_gloss: number("clearcoat_gloss", 0.0)?,
             // As Mitsuba has it.
             conserves: false,
+            ..Principled::new(base_color)
         };
         let (eta, specular) = (props.float("eta")?, props.float("specular")?);
         let eta = match (eta, specular) {
