@@ -26,7 +26,7 @@ const SHARE_TO_ACCEPT: f64 = 0.9975;
 const LEAST_VARIANCE: f64 = 1e-4;
 
 /// Scenes that are refused for what they use, and what the message names.
-const REFUSED: [(&str, &str); 18] = [
+const REFUSED: [(&str, &str); 17] = [
     ("bsdf_spheres/test_texturedprincipledthin", "principledthin"),
     ("orthographic_sensor/test_orthographic", "orthographic"),
     ("participating_media/test_hetero_sigmat", "<medium>"),
@@ -45,7 +45,6 @@ const REFUSED: [(&str, &str); 18] = [
     ("participating_media/test_homo_spectral_sigmat", "<medium>"),
     ("projector/test_projector_constant", "projector"),
     ("projector/test_projector_textured", "projector"),
-    ("spot_light/test_spot", "texture"),
     ("various_emitters/test_various_emitters", "ptracer"),
     ("various_shapes/test_various_shapes", "sdfgrid"),
 ];

@@ -481,6 +481,29 @@ fn lights_stand_and_look_where_their_transform_says() {
 }
 
 #[test]
+fn a_spot_casts_its_texture_along_the_axes_of_its_transform() {
+    let spot = |texture: &str| {
+        let desc = loaded(&format!(
+            "<emitter type=\"spot\"><rgb name=\"intensity\" value=\"3\"/>{texture}
+            <transform name=\"to_world\"><scale value=\"2\"/><rotate y=\"1\" angle=\"90\"/></transform></emitter>"
+        ));
+        let LightDesc::Spot { intensity, slide, .. } = desc.lights[0].clone() else {
+            panic!("{:?}", desc.lights);
+        };
+        (intensity, slide)
+    };
+    assert_eq!(spot(""), (Rgb::splat(3.0), None));
+    let (intensity, slide) = spot("<rgb name=\"texture\" value=\"0.5\"/>");
+    assert_eq!((intensity, slide), (Rgb::splat(1.5), None));
+    let (intensity, slide) = spot("<texture name=\"texture\" type=\"checkerboard\"/>");
+    let slide = slide.expect("a slide");
+    assert_eq!(intensity, Rgb::splat(3.0));
+    assert!(matches!(slide.factor, Spectrum::Checkerboard(_)));
+    let close = |a: DVec3, b: DVec3| (a.normalize() - b).length() < 1e-12;
+    assert!(close(slide.axes[0], DVec3::NEG_Z) && close(slide.axes[1], DVec3::Y));
+}
+
+#[test]
 fn environment_maps_keep_their_values_at_the_poles() {
     // Four rows from 0 to 3: at the poles Mitsuba has the first and the last row, and in the middle 1.5.
     let folder = Folder::new();
@@ -818,7 +841,8 @@ fn what_is_not_supported_is_named_with_its_line() {
         (in_shape("<float name=\"radius\"/>"), ["line 5", "<float>", "`value`"]),
         (in_shape("<medium type=\"homogeneous\"/>"), ["line 5", "<medium>", "not supported"]),
         ("<emitter type=\"constant\"/>\n<emitter type=\"constant\"/>".to_owned(), ["line 3", "constant", "second environment"]),
-        ("<emitter type=\"spot\"><texture name=\"texture\" type=\"checkerboard\"/></emitter>".to_owned(), ["line 2", "spot", "texture"]),
+        ("<emitter type=\"spot\"><float name=\"cutoff_angle\" value=\"90\"/><texture name=\"texture\" type=\"checkerboard\"/></emitter>".to_owned(), ["line 2", "spot", "below 90"]),
+        ("<emitter type=\"spot\"><texture name=\"texture\" type=\"checkerboard\"/><transform name=\"to_world\"><scale x=\"2\"/></transform></emitter>".to_owned(), ["line 2", "spot", "no rotation and scale"]),
         ("<emitter type=\"envmap\"><string name=\"filename\" value=\"gone.exr\"/></emitter>".to_owned(), ["gone.exr", "cannot be read", ""]),
         ("<integrator type=\"path\"><boolean name=\"hide_emitters\" value=\"true\"/></integrator>".to_owned(), ["line 2", "hide_emitters", ""]),
         ("<sensor type=\"perspective\"><float name=\"principal_point_offset_x\" value=\"0.1\"/></sensor>".to_owned(), ["line 2", "principal_point_offset_x", "0.1"]),

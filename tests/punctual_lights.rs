@@ -8,15 +8,16 @@ use embrace::light::{
     Chosen, DistantLight, Emission, Emitter, EnvSampling, Environment, LightSampler, LightSamplerBuilder,
     LightSampling, PunctualLight,
 };
-use embrace::material::Scattering;
-use embrace::math::{DVec3, Rgb, Vec3};
-use embrace::scene::{Falloff, LightDesc, Scene, SceneError, SceneOptions};
+use embrace::material::{Checkerboard, Scattering, Spectrum};
+use embrace::math::{Affine2, DVec3, Rgb, Vec2, Vec3};
+use embrace::scene::{Falloff, LightDesc, Scene, SceneError, SceneOptions, SlideDesc};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use support::exact::grey_map;
 use support::{Estimate, Random, Significance, Stage, assert_chi_square, assert_mean, assert_same_images};
 
 support::for_each_backend! {
     points_and_spots_light_a_plane_by_the_inverse_square_law
+    a_spot_casts_its_slide_from_edge_to_edge_of_its_cone
     parallel_light_brings_its_irradiance_times_the_cosine
     a_disc_lights_a_plane_as_quadrature_says_and_a_small_one_as_parallel_light
     a_camera_and_a_mirror_see_the_disc_and_nothing_beside_it
@@ -38,6 +39,7 @@ fn point(position: DVec3, intensity: f32) -> LightDesc {
 
 fn spot(position: DVec3, direction: DVec3, angles: [f64; 2], falloff: Falloff) -> LightDesc {
     LightDesc::Spot {
+        slide: None,
         position,
         direction,
         intensity: Rgb::splat(5.0),
@@ -141,6 +143,79 @@ fn points_and_spots_light_a_plane_by_the_inverse_square_law<A: Accel>() {
         }
     }
     assert!(dark > 20 && partly > 20, "{dark} dark, {partly} partly lit");
+}
+
+fn a_spot_casts_its_slide_from_edge_to_edge_of_its_cone<A: Accel>() {
+    const EDGE: f64 = 45.0;
+    let colors = [0.25f32, 2.0];
+    // A pattern of three fields along u and one along v.
+    let pattern = Checkerboard {
+        to_uv: Affine2::from_scale(Vec2::new(1.5, 0.5)),
+        colors: colors.map(Rgb::splat),
+    };
+    // Any length does for the axes.
+    let axes = [DVec3::Z * 3.0, DVec3::NEG_X * 0.5];
+    for (x, z) in [(0.5, 0.2), (-0.5, 0.9), (0.4, -0.9), (-0.6, -0.3), (0.1, 1.2)] {
+        let position = DVec3::new(x, 2.0, z);
+        let LightDesc::Spot {
+            direction,
+            intensity,
+            angles,
+            falloff,
+            ..
+        } = spot(position, DVec3::NEG_Y * 0.1, [44.0, EDGE], Falloff::Angle)
+        else {
+            unreachable!("a spot");
+        };
+        let light = |slide| LightDesc::Spot {
+            position,
+            direction,
+            intensity,
+            angles,
+            falloff,
+            slide,
+        };
+        let factor = Spectrum::Checkerboard(pattern);
+        let found = irradiance::<A>(&lit(&[light(Some(SlideDesc { factor, axes }))]), &settings(true), 4);
+        // The middle of the plane is seen from the light at −x and −z; the slide reaches to 2 on both sides there.
+        let [u, v] = [-z, x].map(|c: f64| 0.5 + 0.5 * c / 2.0);
+        let second_half = |c: f64| c.rem_euclid(1.0) > 0.5;
+        let color = colors[usize::from(second_half(1.5 * u) != second_half(0.5 * v))];
+        let inverse_square = 5.0 * position.y / position.length().powi(3);
+        assert_close(
+            &format!("{}: ({x}, {z})", A::NAME),
+            found,
+            inverse_square * f64::from(color),
+        );
+        let plain = irradiance::<A>(&lit(&[light(None)]), &settings(true), 4);
+        assert_close("without", plain, inverse_square);
+    }
+    let wide = spot(DVec3::Y, DVec3::NEG_Y, [20.0, 90.0], Falloff::Angle);
+    let LightDesc::Spot {
+        position,
+        direction,
+        intensity,
+        angles,
+        falloff,
+        ..
+    } = wide
+    else {
+        unreachable!("a spot");
+    };
+    let slide = Some(SlideDesc {
+        factor: Spectrum::Checkerboard(pattern),
+        axes,
+    });
+    let stage = lit(&[LightDesc::Spot {
+        position,
+        direction,
+        intensity,
+        angles,
+        falloff,
+        slide,
+    }]);
+    let error = Scene::build(stage.0, SceneOptions::default()).unwrap_err();
+    assert!(error.to_string().contains("slide"), "{error}");
 }
 
 fn parallel_light_brings_its_irradiance_times_the_cosine<A: Accel>() {

@@ -464,7 +464,7 @@ impl<const F: u32> Shading<'_, F> {
             let i = vertices.apart[k] as usize;
             let (pmf, u) = (vertices.emitter_pmf[i], vertices.light_position.get(i));
             let sample = match vertices.emitters[i] {
-                Emitter::Punctual(light) => lights.sample_punctual(light, pmf, vertices.p.vec3(i)),
+                Emitter::Punctual(light) => self.scene.sample_punctual(light, pmf, vertices.p.vec3(i)),
                 Emitter::Distant(light) => lights.sample_distant(light, pmf, u),
                 Emitter::Area(light) => {
                     let factor = self.scene.emission_at_sample(light, u).unwrap_or(Rgb::WHITE);

@@ -4,12 +4,14 @@ use super::desc::{EnvironmentDesc, ObjectDesc, SceneDesc};
 use super::features::SceneFeatures;
 use super::lights::{self, EmissionMaps};
 use super::origin;
+use super::slide::Slides;
 use crate::accel::{Geometry, Hit, Placement};
 use crate::bsdf::Bsdf;
 use crate::camera::{Camera, CameraDesc, CameraError};
 use crate::interaction::{SurfaceInteraction, surface_point, texture_directions};
-use crate::light::Emission;
-use crate::light::{EnvSampling, Environment, EnvironmentError, LightSampler, LightSamplerBuilder, LightSampling};
+use crate::light::{
+    Emission, EnvSampling, Environment, EnvironmentError, LightSample, LightSampler, LightSamplerBuilder, LightSampling,
+};
 use crate::material::{Material, ReliefShadow, Resolved};
 use crate::math::{DAffine3, DVec3, Rgb, Vec2, Vec3};
 use crate::mesh::TriangleMesh;
@@ -57,6 +59,8 @@ pub struct Scene {
     pub lights: LightSampler,
     /// Emission that varies over surfaces.
     pub emission_maps: EmissionMaps,
+    /// What spots cast.
+    pub(super) slides: Slides,
     /// What the scene requires.
     pub features: SceneFeatures,
     /// Path length that the scene asks for.
@@ -174,7 +178,7 @@ impl Scene {
                 is_general: parts(&materials, object.material).any(Material::is_general),
             });
         }
-        lights::add(&desc.lights, origin, &mut lights)?;
+        let slides = lights::add(&desc.lights, origin, &mut lights)?;
         // The tree has one bit for other purposes.
         if lights.len() + lights.others() >= 1 << 31 {
             return Err(SceneError::TooMany("emitters"));
@@ -221,6 +225,7 @@ impl Scene {
             camera,
             lights: lights.build(environment, options.light_sampling),
             emission_maps,
+            slides,
             geometry,
             surfaces,
             materials,
@@ -292,6 +297,17 @@ impl Scene {
     #[inline]
     pub fn emission_at_sample(&self, light: u32, u: [f32; 2]) -> Option<Rgb> {
         self.emission_maps.at_sample(&self.textures, &self.geometry, light, u)
+    }
+
+    /// The light from a point at `p`; see [`LightSampler::sample_punctual`].
+    pub fn sample_punctual(&self, light: u32, pmf: f32, p: Vec3) -> Option<LightSample> {
+        let sample = self.lights.sample_punctual(light, pmf, p)?;
+        if self.slides.is_empty() {
+            return Some(sample);
+        }
+        let factor = self.slides.at(&self.textures, light, p).unwrap_or(Rgb::WHITE);
+        let radiance = sample.radiance * factor;
+        (!radiance.is_black()).then_some(LightSample { radiance, ..sample })
     }
 
     /// Triangles of all placements, instances counted each.

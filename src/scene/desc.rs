@@ -55,6 +55,16 @@ pub enum EnvironmentDesc {
     },
 }
 
+/// A pattern that is cast like a slide: it fills the square around the circle at the edge of a cone that is below a right angle
+/// from its axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SlideDesc {
+    /// What the intensity is multiplied by; vertex colours are white here.
+    pub factor: Spectrum,
+    /// Where its texture coordinates grow, at right angles to the direction of the light; of any length above 0.
+    pub axes: [DVec3; 2],
+}
+
 /// A light that is no surface.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LightDesc {
@@ -78,6 +88,8 @@ pub enum LightDesc {
         angles: [f64; 2],
         /// What is between the two.
         falloff: Falloff,
+        /// What it casts through its cone.
+        slide: Option<SlideDesc>,
     },
     /// Parallel light, or a disc at infinity.
     Distant {

@@ -2,6 +2,7 @@
 
 use super::build::SceneError;
 use super::desc::LightDesc;
+use super::slide::Slides;
 use crate::accel::{Geometry, Hit};
 use crate::interaction::surface_point;
 use crate::light::{DistantLight, Emission, LightSamplerBuilder, PunctualLight};
@@ -22,8 +23,15 @@ const LEAST_MEAN: f64 = 0.01;
 /// Mean of a map, all of whose points have missed what emits.
 const MISSED_MEAN: f64 = 1e-3;
 
-/// Adds the lights that are no surface. `origin`: what the origin of rendering is in their coordinates.
-pub(super) fn add(lights: &[LightDesc], origin: DVec3, builder: &mut LightSamplerBuilder) -> Result<(), SceneError> {
+/// Adds the lights that are no surface, and gives the slides of those that have some. `origin`: what the origin of rendering is
+/// in their coordinates.
+pub(super) fn add(
+    lights: &[LightDesc],
+    origin: DVec3,
+    builder: &mut LightSamplerBuilder,
+) -> Result<Slides, SceneError> {
+    let mut slides = Slides::default();
+    let mut points = 0;
     for (index, light) in lights.iter().enumerate() {
         let error = |problem| Err(SceneError::Light { index, problem });
         let (strength, direction) = match light {
@@ -51,6 +59,7 @@ pub(super) fn add(lights: &[LightDesc], origin: DVec3, builder: &mut LightSample
                     return error("it stands beyond what 32-bit coordinates can hold");
                 }
                 builder.push_punctual(PunctualLight::point(position, intensity));
+                points += 1;
             }
             LightDesc::Spot {
                 position,
@@ -58,6 +67,7 @@ pub(super) fn add(lights: &[LightDesc], origin: DVec3, builder: &mut LightSample
                 intensity,
                 angles,
                 falloff,
+                slide,
             } => {
                 let position = (position - origin).as_vec3();
                 if !position.is_finite() {
@@ -67,6 +77,13 @@ pub(super) fn add(lights: &[LightDesc], origin: DVec3, builder: &mut LightSample
                     return error("its angles are not 0 or more, the second above the first, and at most half a turn");
                 }
                 builder.push_punctual(PunctualLight::spot(position, direction, intensity, angles, falloff));
+                if let Some(slide) = &slide {
+                    if angles[1] >= FRAC_PI_2 {
+                        return error("it casts a slide, and its cone is not below a right angle from its axis");
+                    }
+                    slides.push(points, slide, position, direction, angles[1]);
+                }
+                points += 1;
             }
             LightDesc::Distant {
                 direction,
@@ -80,7 +97,7 @@ pub(super) fn add(lights: &[LightDesc], origin: DVec3, builder: &mut LightSample
             }
         }
     }
-    Ok(())
+    Ok(slides)
 }
 
 /// Emission that varies over surfaces.

@@ -18,11 +18,12 @@ pub mod obj;
 mod obj_material;
 mod origin;
 pub mod ply;
+mod slide;
 mod value;
 mod warnings;
 
 pub use build::{Instancing, Scene, SceneError, SceneOptions, Surface};
-pub use desc::{EnvironmentDesc, Falloff, LightDesc, ObjectDesc, SceneDesc};
+pub use desc::{EnvironmentDesc, Falloff, LightDesc, ObjectDesc, SceneDesc, SlideDesc};
 pub use export::{Export, ExportError, ExportFile, SaveError, material_type, save};
 pub use features::SceneFeatures;
 pub use lights::EmissionMaps;

@@ -10,7 +10,7 @@ use embrace::material::{
 };
 use embrace::math::{Affine2, DAffine3, DMat3, DVec3, Rgb, Vec2, Vec3};
 use embrace::mesh::TriangleMesh;
-use embrace::scene::{EnvironmentDesc, Falloff, LightDesc, ObjectDesc, SceneDesc};
+use embrace::scene::{EnvironmentDesc, Falloff, LightDesc, ObjectDesc, SceneDesc, SlideDesc};
 use embrace::texture::{Encoding, Filter, Texture, TextureMap, Wrap};
 use std::sync::Arc;
 
@@ -246,7 +246,13 @@ fn lights(random: &mut Random) -> Vec<LightDesc> {
                 intensity: rgb(random) * 3.0,
             });
             let beam = double(random);
+            let casts = |factor: &Spectrum| matches!(factor, Spectrum::Bitmap(..) | Spectrum::Checkerboard(_));
+            let slide = spectra(random).into_iter().rfind(casts).map(|factor| SlideDesc {
+                factor,
+                axes: [DVec3::X * double(random), DVec3::new(0.0, -1.0, double(random))],
+            });
             lights.push(LightDesc::Spot {
+                slide,
                 position,
                 direction: DVec3::new(double(random), -3.0 * double(random), double(random)),
                 intensity: rgb(random),

@@ -42,7 +42,9 @@ fn assert_same(a: &SceneDesc, b: &SceneDesc) {
         }
         (a, b) => assert_eq!(format!("{a:?}"), format!("{b:?}")),
     }
-    assert_eq!(a.lights, b.lights);
+    let mut textures = Vec::new();
+    let mut lights = |desc: &SceneDesc| with_textures(&format!("{:?}", desc.lights), desc, &mut textures);
+    assert_eq!(lights(a), lights(b));
     assert_eq!(a.objects.len(), b.objects.len());
     for (x, y) in a.objects.iter().zip(&b.objects) {
         assert_eq!((x.to_world, x.emission), (y.to_world, y.emission), "{}", x.name);

@@ -169,6 +169,7 @@ fn lights_are_in_watts_of_683_lumens() {
             intensity,
             angles,
             falloff,
+            slide: None,
         } => {
             down(direction);
             assert_eq!((position, intensity), (DVec3::X, Rgb::WHITE));

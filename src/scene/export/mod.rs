@@ -1,6 +1,6 @@
 //! Writing a description as a scene file, and the meshes and images that it refers to.
 
-use super::desc::{EnvironmentDesc, Falloff, LightDesc, ObjectDesc, SceneDesc};
+use super::desc::{EnvironmentDesc, Falloff, LightDesc, ObjectDesc, SceneDesc, SlideDesc};
 use super::file::{self, BACKS};
 use super::ply::write_ply;
 use super::value::KeyError;
@@ -96,7 +96,7 @@ impl<'a> Export<'a> {
             }
         }
         for light in &desc.lights {
-            section(&mut text, "[[lights]]", &self::light(light));
+            section(&mut text, "[[lights]]", &self::light(light, &names));
         }
         check(&text)?;
         Ok(Export { scene: text, files })
@@ -146,7 +146,15 @@ impl Names {
         let mut textures = vec![None; desc.textures.len()];
         let of_materials = desc.materials.iter().flat_map(|(_, material)| material.textures());
         let of_lamps = desc.objects.iter().filter_map(|object| object.emission_map?.texture());
-        for texture in of_materials.chain(of_lamps).map(|texture| texture as usize) {
+        let of_spots = desc.lights.iter().filter_map(|light| match light {
+            LightDesc::Spot { slide, .. } => slide.as_ref()?.factor.texture(),
+            LightDesc::Point { .. } | LightDesc::Distant { .. } => None,
+        });
+        for texture in of_materials
+            .chain(of_lamps)
+            .chain(of_spots)
+            .map(|texture| texture as usize)
+        {
             let (extension, encoding, file) = match &desc.textures[texture] {
                 Texture::Rgb8(image, encoding) => ("png", Some(*encoding), ExportFile::Bytes(image)),
                 Texture::Rgb32(image) => ("exr", None, ExportFile::Floats(image)),
@@ -265,7 +273,7 @@ fn mesh(object: &ObjectDesc, file: &str, names: &Names) -> Keys {
     keys
 }
 
-fn light(light: &LightDesc) -> Keys {
+fn light(light: &LightDesc, names: &Names) -> Keys {
     match light {
         LightDesc::Point { position, intensity } => vec![
             ("type", "point".into()),
@@ -278,12 +286,13 @@ fn light(light: &LightDesc) -> Keys {
             intensity,
             angles,
             falloff,
+            slide,
         } => {
             let falloff = match falloff {
                 Falloff::Angle => "angle",
                 Falloff::Cosine => "cosine",
             };
-            vec![
+            let mut keys = vec![
                 ("type", "spot".into()),
                 ("position", (*position).into()),
                 ("direction", (*direction).into()),
@@ -293,7 +302,13 @@ fn light(light: &LightDesc) -> Keys {
                     _ => ("angles_rad", (*angles).into()),
                 },
                 ("falloff", falloff.into()),
-            ]
+            ];
+            if let Some(SlideDesc { factor, axes: [u, v] }) = slide {
+                let mut table = material::colour(factor, names);
+                table.extend([("u_axis", (*u).into()), ("v_axis", (*v).into())]);
+                keys.push(("slide", Item::Table(table)));
+            }
+            keys
         }
         LightDesc::Distant {
             direction,

@@ -1,8 +1,11 @@
 //! Light that comes from no surface: the environment, points, cones and what is far away.
 
-use super::{MAX_LENGTH, MAX_RADIANCE, Result};
+use super::colour::colour;
+use super::{Context, MAX_LENGTH, MAX_RADIANCE, Result};
+use crate::material::Spectrum;
 use crate::math::{DMat3, DVec3, Rgb};
-use crate::scene::desc::{Falloff, LightDesc};
+use crate::scene::bitmap::Role;
+use crate::scene::desc::{Falloff, LightDesc, SlideDesc};
 use crate::scene::value::{Field, Table};
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -65,7 +68,7 @@ enum LightKind {
     Distant,
 }
 
-pub(super) fn light(table: &Table<'_>) -> Result<LightDesc> {
+pub(super) fn light(table: &Table<'_>, context: &mut Context<'_>) -> Result<LightDesc> {
     let kind = table.require("type")?.word(&[
         ("point", LightKind::Point),
         ("spot", LightKind::Spot),
@@ -73,6 +76,7 @@ pub(super) fn light(table: &Table<'_>) -> Result<LightDesc> {
     ])?;
     let position = || table.require("position")?.vector(MAX_LENGTH);
     let intensity = |key| table.require(key)?.rgb_in(0.0, MAX_RADIANCE);
+    let angles = || spot_angles(table);
     let light = match kind {
         LightKind::Point => LightDesc::Point {
             position: position()?,
@@ -80,15 +84,19 @@ pub(super) fn light(table: &Table<'_>) -> Result<LightDesc> {
         },
         LightKind::Spot => LightDesc::Spot {
             position: position()?,
-            direction: direction(table)?,
+            direction: direction(table, "direction")?,
             intensity: intensity("intensity")?,
-            angles: spot_angles(table)?,
+            angles: angles()?,
             falloff: table.get("falloff").map_or(Ok(Falloff::default()), |f| {
                 f.word(&[("angle", Falloff::Angle), ("cosine", Falloff::Cosine)])
             })?,
+            slide: table
+                .get("slide")
+                .map(|f| slide(&f, angles()?[1], context))
+                .transpose()?,
         },
         LightKind::Distant => LightDesc::Distant {
-            direction: direction(table)?,
+            direction: direction(table, "direction")?,
             irradiance: intensity("irradiance")?,
             radius: disc_radius(table)?,
         },
@@ -97,11 +105,27 @@ pub(super) fn light(table: &Table<'_>) -> Result<LightDesc> {
     Ok(light)
 }
 
-fn direction(table: &Table<'_>) -> Result<DVec3> {
-    let field = table.require("direction")?;
+fn direction(table: &Table<'_>, key: &'static str) -> Result<DVec3> {
+    let field = table.require(key)?;
     match field.vector(MAX_LENGTH)? {
-        DVec3::ZERO => Err(field.error("has no length; give where the light goes")),
+        DVec3::ZERO => Err(field.error("has no length; give a direction")),
         direction => Ok(direction),
+    }
+}
+
+fn slide(field: &Field<'_>, edge: f64, context: &mut Context<'_>) -> Result<SlideDesc> {
+    if edge >= FRAC_PI_2 {
+        return Err(field.error("needs a cone that ends below 90 degrees from its axis"));
+    }
+    let table = field.table()?;
+    let factor = colour(&table, MAX_RADIANCE, Role::Radiance, context)?;
+    let axes = [direction(&table, "u_axis")?, direction(&table, "v_axis")?];
+    table.finish()?;
+    match factor {
+        Some(factor @ (Spectrum::Bitmap(..) | Spectrum::Checkerboard(_))) => Ok(SlideDesc { factor, axes }),
+        _ => {
+            Err(field.error("needs `texture` or `checkerboard`; what is the same everywhere belongs into `intensity`"))
+        }
     }
 }
 

@@ -140,7 +140,12 @@ pub(super) fn parse(value: &Value, base: &Path) -> Result<SceneFile> {
     for mesh in &mut meshes {
         mesh.material = mesh.material.map(|index| place[&index]);
     }
-    let lights = array(&root, "lights", |f| light::light(&f.table()?))?;
+    let mut context = Context {
+        base,
+        bitmaps: &mut bitmaps,
+        materials: &names,
+    };
+    let lights = array(&root, "lights", |f| light::light(&f.table()?, &mut context))?;
     root.finish()?;
     Ok(SceneFile {
         camera,

@@ -125,6 +125,7 @@ fn angles_may_be_in_degrees_or_radians() {
         ))
     };
     let expected = |angles| LightDesc::Spot {
+        slide: None,
         position: DVec3::new(1.0, 2.0, 3.0),
         direction: DVec3::NEG_Y,
         intensity: Rgb::WHITE,

@@ -83,6 +83,7 @@ fn describe(
                 ));
             }
             LightDesc::Spot {
+                slide: None,
                 position,
                 direction: direction()?,
                 intensity: strength,

@@ -1,6 +1,6 @@
 //! Lights that are no surface, and the environment.
 
-use super::super::desc::{EnvironmentDesc, Falloff, LightDesc};
+use super::super::desc::{EnvironmentDesc, Falloff, LightDesc, SlideDesc};
 use super::super::environment::sanitise_radiance;
 use super::super::input::read_file;
 use super::super::load::LoadError;
@@ -11,7 +11,7 @@ use crate::image::ldr::LdrImage;
 use crate::image::{self, Decoded, Image};
 use crate::light::Emission;
 use crate::material::Spectrum;
-use crate::math::{DMat3, Rgb, srgb_decode};
+use crate::math::{DAffine3, DMat3, DVec3, Rgb, srgb_decode};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -43,17 +43,16 @@ impl Importer<'_> {
                 self.lights.push(LightDesc::Point { position, intensity });
             }
             "spot" => {
-                if props.take("texture").is_some() {
-                    return Err(props.error("has a texture, which is not supported; remove it"));
-                }
                 let intensity = self.constant(&mut props, "intensity", 1.0, Use::Emission)?;
                 let cutoff = props.float_in("cutoff_angle", 20.0, 1e-3..=180.0)?;
                 let beam = props.float_in("beam_width", cutoff * 0.75, 0.0..)?;
                 let to_world = props.take_to_world()?;
+                let (factor, slide) = self.slide(&mut props, &to_world, cutoff)?;
                 self.lights.push(LightDesc::Spot {
+                    slide,
                     position: to_world.translation,
                     direction: to_world.matrix3.z_axis,
-                    intensity,
+                    intensity: intensity * factor,
                     // A beam as wide as the cone ends at once.
                     angles: [beam.min(cutoff * (1.0 - 1e-6)).to_radians(), cutoff.to_radians()],
                     falloff: Falloff::Angle,
@@ -96,6 +95,30 @@ impl Importer<'_> {
             both_sides: false,
         };
         Ok((emission, map))
+    }
+
+    /// The texture of a spot: a factor if it is the same everywhere, else what it casts.
+    fn slide(
+        &mut self,
+        props: &mut Props,
+        to_world: &DAffine3,
+        cutoff: f64,
+    ) -> Result<(Rgb, Option<SlideDesc>), LoadError> {
+        let factor = match self.color(props, "texture", 1.0, Use::Emission)? {
+            Spectrum::Constant(factor) => return Ok((factor, None)),
+            Spectrum::VertexColor(..) => return Err(props.error("has a mesh attribute for a texture, and no mesh")),
+            factor @ (Spectrum::Bitmap(..) | Spectrum::Checkerboard(_)) => factor,
+        };
+        if cutoff >= 90.0 {
+            return Err(props.error("has a texture, and a cutoff_angle that is not below 90 degrees"));
+        }
+        let axes = to_world.matrix3;
+        let is_square = |a: DVec3, b: DVec3| (a.dot(b)).abs() < 1e-3 && (a.length() - b.length()).abs() < 1e-3;
+        let [x, y, z] = [axes.x_axis, axes.y_axis, axes.z_axis].map(|axis| axis / axes.z_axis.length());
+        if !(is_square(x, y) && is_square(y, z) && is_square(z, x)) {
+            return Err(props.error("has a texture, and a to_world that is no rotation and scale"));
+        }
+        Ok((Rgb::WHITE, Some(SlideDesc { factor, axes: [x, y] })))
     }
 
     fn set_environment(&mut self, props: &Props, environment: EnvironmentDesc) -> Result<(), LoadError> {

@@ -86,7 +86,12 @@ fn check_description(desc: &SceneDesc) {
         assert!(is_sound(material, desc.textures.len()), "{name}: {material:?}");
     }
     // Radiance and heights may exceed 1, everything else may not.
-    let lamps: Vec<u32> = desc.objects.iter().filter_map(|o| o.emission_map?.texture()).collect();
+    let spots = desc.lights.iter().filter_map(|light| match light {
+        LightDesc::Spot { slide, .. } => slide.as_ref()?.factor.texture(),
+        LightDesc::Point { .. } | LightDesc::Distant { .. } => None,
+    });
+    let lamps = desc.objects.iter().filter_map(|o| o.emission_map?.texture());
+    let lamps: Vec<u32> = lamps.chain(spots).collect();
     let heights = desc.materials.iter().filter_map(|(_, material)| match material.relief {
         Some(Relief::BumpMap { map, .. }) => Some(map.texture),
         _ => None,
@@ -106,7 +111,11 @@ fn check_description(desc: &SceneDesc) {
             assert!(!matches!(map, Spectrum::Constant(_)));
         }
     }
-    assert!(desc.lights.iter().all(is_sound_light));
+    assert!(
+        desc.lights
+            .iter()
+            .all(|light| is_sound_light(light, desc.textures.len()))
+    );
     match &desc.environment {
         None => {}
         Some(EnvironmentDesc::Constant(radiance)) => assert!(usable(*radiance)),
@@ -128,7 +137,7 @@ fn check_description(desc: &SceneDesc) {
     }
 }
 
-fn is_sound_light(light: &LightDesc) -> bool {
+fn is_sound_light(light: &LightDesc, textures: usize) -> bool {
     let is_direction = |d: &DVec3| d.is_finite() && *d != DVec3::ZERO;
     match light {
         LightDesc::Point { position, intensity } => position.is_finite() && usable(*intensity),
@@ -137,10 +146,14 @@ fn is_sound_light(light: &LightDesc) -> bool {
             direction,
             intensity,
             angles: [beam, edge],
+            slide,
             ..
         } => {
+            let is_sound_slide = slide.as_ref().is_none_or(|slide| {
+                is_sound_spectrum(&slide.factor, textures, usable) && slide.axes.iter().all(is_direction)
+            });
             let angles = 0.0 <= *beam && beam < edge && *edge <= PI;
-            position.is_finite() && is_direction(direction) && usable(*intensity) && angles
+            position.is_finite() && is_direction(direction) && usable(*intensity) && angles && is_sound_slide
         }
         LightDesc::Distant {
             direction,
