@@ -16,8 +16,18 @@ use serde::Serialize;
 /// Of the standard normal distribution, for 95 % between the two ends.
 const QUANTILE: f64 = 1.96;
 
+/// Variance of a squared error over its mean square where errors are normal, as they nearly are relative to what pixels should be.
+const NORMAL_SPREAD: f64 = 2.0 / 3.0;
+
+/// The most that it can be: where few errors are most of it, as in bright pixels.
+const MOST_SPREAD: f64 = 1.0;
+
 /// Pixels to each side that tell what a pixel may be.
 const REACH: u32 = 2;
+
+/// From so many standard errors on, a pixel beside another is clearly something else. They are estimated from two numbers each,
+/// and often too small.
+const SOMETHING_ELSE: f64 = 6.0;
 
 /// An estimate and where the truth lies in 95 of 100 cases.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -31,17 +41,17 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// Of the mean of many non-negative numbers, estimated one by one.
-    fn of_mean(estimates: impl Iterator<Item = f64>) -> Interval {
+    /// Of the mean of many squared errors, estimated one by one. `spread`: the variance of one over its mean square.
+    fn of_mean(estimates: impl Iterator<Item = f64>, spread: f64) -> Interval {
         let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
         for x in estimates {
             count += 1.0;
             sum += x;
             squares += x * x;
         }
-        // Both the estimates and the truth vary, independently of each other, each by its mean square at most. On a logarithmic
-        // scale, because few large ones count most.
-        let relative = (2.0 * squares).sqrt() / f64::max(sum, f64::MIN_POSITIVE);
+        // Both the estimates and the truth vary, independently of each other. On a logarithmic scale, because few large ones count
+        // most.
+        let relative = (2.0 * spread * squares).sqrt() / f64::max(sum, f64::MIN_POSITIVE);
         let factor = (QUANTILE * relative).exp();
         let value = sum / count;
         Interval {
@@ -106,7 +116,7 @@ pub fn estimate(film: &Film) -> Option<ErrorEstimate> {
             [of(f64::min), of(|a, b| (a * b).sqrt()), of(f64::max)]
         })
         .collect();
-    let [low, value, high] = [0, 1, 2].map(|k| Interval::of_mean(relative.iter().map(|of| of[k])));
+    let [low, value, high] = [0, 1, 2].map(|k| Interval::of_mean(relative.iter().map(|of| of[k]), NORMAL_SPREAD));
     let absolute = deviation.pixels.iter().map(|d| sum_of_squares(*d, [1.0; 3]));
     Some(ErrorEstimate {
         relmse: Interval {
@@ -114,7 +124,7 @@ pub fn estimate(film: &Film) -> Option<ErrorEstimate> {
             low: low.low,
             high: high.high,
         },
-        mse: Interval::of_mean(absolute),
+        mse: Interval::of_mean(absolute, MOST_SPREAD),
     })
 }
 
@@ -130,23 +140,37 @@ fn weight(value: f64) -> f64 {
 
 /// Two guesses at that for a pixel whose true value is not known. Its own mean says little where it is noise, and goes with
 /// the estimate of the variance. So what is around it is taken, as far as its own mean does not differ clearly from that:
-/// once with the pixel among the others, as if a bright one were one of many there, and once without, as if it were an
-/// accident. Which of the two it is, no image tells. One that sees a light is an accident hardly ever, but may be the edge of
-/// a small lamp: it is taken for what it is once, and once as one among the others.
+/// once all of it and the pixel, as if a bright one were one of many there; and once without the pixel, as if it were an
+/// accident, and without what is clearly something else, such as a lamp beside it. Which of the two it is, no image tells. One
+/// that sees a light is an accident hardly ever, but may be the edge of a small lamp: it is taken for what it is once, and once
+/// as one among the others.
 fn weights(mean: &Image<Rgb>, deviation: &Image<Rgb>, sees_light: bool, [x, y]: [u32; 2]) -> [[f64; 3]; 2] {
     let around = |x: u32, end: u32| x.saturating_sub(REACH)..(x + REACH + 1).min(end);
+    let own = mean.at(x, y).to_array().map(f64::from);
+    let noise = deviation.at(x, y).to_array().map(|d| f64::from(d).powi(2));
     let (mut count, mut sum) = (0.0, [0.0; 3]);
-    for y in around(y, mean.height) {
-        for x in around(x, mean.width) {
+    let (mut alike_count, mut alike_sum) = ([0.0; 3], [0.0; 3]);
+    for other_y in around(y, mean.height) {
+        for other_x in around(x, mean.width) {
+            let (other, its_deviation) = (mean.at(other_x, other_y), deviation.at(other_x, other_y));
             count += 1.0;
-            sum = [0, 1, 2].map(|c| sum[c] + f64::from(mean.at(x, y)[c]));
+            for c in 0..3 {
+                let value = f64::from(other[c]);
+                sum[c] += value;
+                let variance = noise[c] + f64::from(its_deviation[c]).powi(2);
+                if (other_x, other_y) != (x, y)
+                    && (value - own[c]).powi(2) <= SOMETHING_ELSE * SOMETHING_ELSE * variance
+                {
+                    alike_count[c] += 1.0;
+                    alike_sum[c] += value;
+                }
+            }
         }
     }
-    let own = mean.at(x, y).to_array().map(f64::from);
     let among_others = sum.map(|s| s / count);
     let others = [0, 1, 2].map(|c| {
-        if count > 1.0 {
-            (sum[c] - own[c]) / (count - 1.0)
+        if alike_count[c] > 0.0 {
+            alike_sum[c] / alike_count[c]
         } else {
             own[c]
         }
@@ -158,11 +182,10 @@ fn weights(mean: &Image<Rgb>, deviation: &Image<Rgb>, sees_light: bool, [x, y]: 
     };
     guesses.map(|guess| {
         [0, 1, 2].map(|c| {
-            let noise = f64::from(deviation.at(x, y)[c]).powi(2);
             let difference = (own[c] - guess[c]).powi(2);
             // Within two standard errors nothing is clear.
-            let share = if difference > 4.0 * noise {
-                1.0 - 4.0 * noise / difference
+            let share = if difference > 4.0 * noise[c] {
+                1.0 - 4.0 * noise[c] / difference
             } else {
                 0.0
             };

@@ -187,3 +187,35 @@ fn an_image_without_noise_has_no_error_and_one_sample_says_nothing() {
     assert_eq!((error.mse.value, error.mse.high, error.relmse.value), (0.0, 0.0, 0.0));
     assert!(estimate(&film(1)).is_none() && estimate(&film(0)).is_none());
 }
+
+#[test]
+fn a_dark_pixel_that_one_bright_sample_has_come_to_is_not_taken_for_half_of_the_lamp_beside_it() {
+    const SIDE: u32 = 16;
+    let mut film = Film::new(Rect {
+        x0: 0,
+        y0: 0,
+        x1: SIDE,
+        y1: SIDE,
+    });
+    let (lamp, dark, bright) = (50.0f32, 0.1f32, 6.0f32);
+    for tile in film.tiles_mut() {
+        for (x, y) in tile.rect.coordinates() {
+            let plain = if x < SIDE / 2 { lamp } else { dark };
+            let other = if (x, y) == (SIDE / 2 + 1, SIDE / 2) {
+                bright
+            } else {
+                plain
+            };
+            for value in [plain, other] {
+                tile.add(x, y, Rgb::splat(value));
+            }
+        }
+    }
+    let error = estimate(&film).unwrap().relmse;
+    let off = f64::from(0.5 * (bright - dark));
+    let true_error = off * off / (f64::from(dark).powi(2) + 0.01) / f64::from(SIDE * SIDE);
+    assert!(
+        (error.low..error.high).contains(&true_error),
+        "{error:?} for {true_error}"
+    );
+}
