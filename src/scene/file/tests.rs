@@ -172,6 +172,25 @@ fn a_wrong_light_is_named_with_what_is_right() {
             ["lights[0].angles_rad", "beside `angles_deg`"],
         ),
         (
+            format!(
+                "{spot}direction = [0, 1, 0]\nangles_deg = [1, 90]\nslide = {{ checkerboard = [[0, 0, 0], [1, 1, 1]] }}\n"
+            ),
+            ["lights[0].slide", "below 90"],
+        ),
+        (
+            format!(
+                "{spot}direction = [0, 1, 0]\nangles_deg = [1, 2]\nslide = {{ texture = \"a.png\", v_axis = [1, 0, 0] }}\n"
+            ),
+            ["lights[0].slide.u_axis", "missing"],
+        ),
+        (
+            format!(
+                "{spot}direction = [0, 1, 0]\nangles_deg = [1, 2]\n\
+                 slide = {{ rgb = [1, 1, 1], u_axis = [1, 0, 0], v_axis = [0, 0, 1] }}\n"
+            ),
+            ["lights[0].slide", "needs `texture` or `checkerboard`"],
+        ),
+        (
             format!("{sun}irradiance = [1, 1, 1]\nradius_deg = 90\n"),
             ["lights[0].radius_deg", "below 90"],
         ),
