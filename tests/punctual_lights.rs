@@ -48,6 +48,15 @@ fn spot(position: DVec3, direction: DVec3, angles: [f64; 2], falloff: Falloff) -
     }
 }
 
+/// The same spot with a slide.
+fn casting(mut light: LightDesc, cast: SlideDesc) -> LightDesc {
+    match &mut light {
+        LightDesc::Spot { slide, .. } => *slide = Some(cast),
+        other => panic!("{other:?} is no spot"),
+    }
+    light
+}
+
 fn distant(direction: DVec3, irradiance: f32, radius: f64) -> LightDesc {
     LightDesc::Distant {
         direction,
@@ -154,29 +163,14 @@ fn a_spot_casts_its_slide_from_edge_to_edge_of_its_cone<A: Accel>() {
         colors: colors.map(Rgb::splat),
     };
     // Any length does for the axes.
-    let axes = [DVec3::Z * 3.0, DVec3::NEG_X * 0.5];
+    let slide = SlideDesc {
+        factor: Spectrum::Checkerboard(pattern),
+        axes: [DVec3::Z * 3.0, DVec3::NEG_X * 0.5],
+    };
     for (x, z) in [(0.5, 0.2), (-0.5, 0.9), (0.4, -0.9), (-0.6, -0.3), (0.1, 1.2)] {
         let position = DVec3::new(x, 2.0, z);
-        let LightDesc::Spot {
-            direction,
-            intensity,
-            angles,
-            falloff,
-            ..
-        } = spot(position, DVec3::NEG_Y * 0.1, [44.0, EDGE], Falloff::Angle)
-        else {
-            unreachable!("a spot");
-        };
-        let light = |slide| LightDesc::Spot {
-            position,
-            direction,
-            intensity,
-            angles,
-            falloff,
-            slide,
-        };
-        let factor = Spectrum::Checkerboard(pattern);
-        let found = irradiance::<A>(&lit(&[light(Some(SlideDesc { factor, axes }))]), &settings(true), 4);
+        let plain = spot(position, DVec3::NEG_Y * 0.1, [44.0, EDGE], Falloff::Angle);
+        let found = irradiance::<A>(&lit(&[casting(plain.clone(), slide)]), &settings(true), 4);
         // The middle of the plane is seen from the light at −x and −z; the slide reaches to 2 on both sides there.
         let [u, v] = [-z, x].map(|c: f64| 0.5 + 0.5 * c / 2.0);
         let second_half = |c: f64| c.rem_euclid(1.0) > 0.5;
@@ -187,33 +181,11 @@ fn a_spot_casts_its_slide_from_edge_to_edge_of_its_cone<A: Accel>() {
             found,
             inverse_square * f64::from(color),
         );
-        let plain = irradiance::<A>(&lit(&[light(None)]), &settings(true), 4);
+        let plain = irradiance::<A>(&lit(&[plain]), &settings(true), 4);
         assert_close("without", plain, inverse_square);
     }
     let wide = spot(DVec3::Y, DVec3::NEG_Y, [20.0, 90.0], Falloff::Angle);
-    let LightDesc::Spot {
-        position,
-        direction,
-        intensity,
-        angles,
-        falloff,
-        ..
-    } = wide
-    else {
-        unreachable!("a spot");
-    };
-    let slide = Some(SlideDesc {
-        factor: Spectrum::Checkerboard(pattern),
-        axes,
-    });
-    let stage = lit(&[LightDesc::Spot {
-        position,
-        direction,
-        intensity,
-        angles,
-        falloff,
-        slide,
-    }]);
+    let stage = lit(&[casting(wide, slide)]);
     let error = Scene::build(stage.0, SceneOptions::default()).unwrap_err();
     assert!(error.to_string().contains("slide"), "{error}");
 }

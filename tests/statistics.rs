@@ -708,7 +708,7 @@ fn extreme_inputs_give_finite_samples() {
                 Bsdf::Principled(p) => Bsdf::Principled(PrincipledBsdf {
                     roughness: alpha,
                     anisotropic: 1.0,
-                    coat_alpha: alpha.max(1e-3),
+                    coat_alpha: if p.conserves { alpha } else { alpha.clamp(1e-3, 0.1) },
                     eta: if p.front { ior } else { 1.0 / ior },
                     ..p
                 }),

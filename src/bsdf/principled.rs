@@ -57,7 +57,7 @@ pub struct PrincipledBsdf {
     pub flatness: f32,
     /// A second, colourless coat.
     pub clearcoat: f32,
-    /// Width of its facets.
+    /// Width of its facets, below 1 where energy is not conserved.
     pub coat_alpha: f32,
     /// Whether what facets reflect is taken from the diffuse part, and what the coat does from all below.
     pub conserves: bool,
