@@ -19,6 +19,8 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 mod ffi;
 mod packet;
+#[cfg(target_os = "linux")]
+mod pages;
 #[cfg(embree_major = "3")]
 mod v3;
 #[cfg(embree_major = "3")]
@@ -30,6 +32,10 @@ use v4 as query;
 
 /// `RTC_INVALID_GEOMETRY_ID`, a macro that bindings cannot express.
 const INVALID_ID: u32 = u32::MAX;
+
+/// Bytes of a tree from which on large pages are asked for: those of a few large pages.
+#[cfg(target_os = "linux")]
+const LEAST_FOR_LARGE_PAGES: isize = 8 << 20;
 
 /// What Embree's callbacks write. Shared with the library by address.
 #[derive(Default)]
@@ -436,6 +442,12 @@ impl Accel for Embree {
             top.attach(&handle, id as u32)?;
         }
         top.commit()?;
+        // A tree that is built in a hurry is for few rays, and a small one stays in the caches.
+        #[cfg(target_os = "linux")]
+        if options.quality != BuildQuality::Low && device.monitor.bytes.load(Ordering::Relaxed) > LEAST_FOR_LARGE_PAGES
+        {
+            pages::enlarge();
+        }
         Ok(Embree {
             scene: top,
             _meshes: geometry.meshes.clone(),
