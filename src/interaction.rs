@@ -132,11 +132,17 @@ fn point_on_plane(ray: &Ray, corners: [Vec3; 3]) -> Option<Vec3> {
 /// Texture coordinates at a hit; the barycentric ones where the mesh has none.
 #[inline(always)]
 pub fn texture_coordinates(geometry: &Geometry, hit: &Hit) -> Vec2 {
+    texture_coordinates_between(geometry, hit, || geometry.corners(hit))
+}
+
+/// The same, given the [`Geometry::corners`] of the hit.
+#[inline(always)]
+pub fn texture_coordinates_between(geometry: &Geometry, hit: &Hit, corners: impl FnOnce() -> [u32; 3]) -> Vec2 {
     let mesh = &*geometry.meshes[geometry.placements[hit.placement as usize].mesh as usize];
     if mesh.uvs.is_empty() {
         return Vec2::new(hit.u, hit.v);
     }
-    let [a, b, c] = mesh.indices[hit.triangle as usize].map(|i| mesh.uvs[i as usize]);
+    let [a, b, c] = corners().map(|i| mesh.uvs[i as usize]);
     a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v
 }
 
@@ -193,9 +199,15 @@ impl ShadingTriangle {
     /// The triangle of `hit`. `SMOOTH` allows vertex normals.
     #[inline(always)]
     pub fn new<const SMOOTH: bool>(geometry: &Geometry, hit: &Hit) -> ShadingTriangle {
-        let placement = &geometry.placements[hit.placement as usize];
+        ShadingTriangle::of_corners::<SMOOTH>(geometry, hit.placement, geometry.corners(hit))
+    }
+
+    /// The triangle of these corners of a placement. `SMOOTH` allows vertex normals.
+    #[inline(always)]
+    pub fn of_corners<const SMOOTH: bool>(geometry: &Geometry, placement: u32, corners: [u32; 3]) -> ShadingTriangle {
+        let placement = &geometry.placements[placement as usize];
         let mesh = &*geometry.meshes[placement.mesh as usize];
-        let [a, b, c] = mesh.indices[hit.triangle as usize];
+        let [a, b, c] = corners;
         let (a, b, c) = (a as usize, b as usize, c as usize);
         let mut triangle = ShadingTriangle {
             corners: [mesh.positions[a], mesh.positions[b], mesh.positions[c]],

@@ -71,8 +71,17 @@ impl TextureMap {
     /// The colour at texture coordinates of the mesh.
     #[inline(always)]
     pub fn lookup(&self, textures: &[Texture], uv: Vec2) -> Rgb {
-        let texture = &textures[self.texture as usize];
-        texture.lookup(self.footprint(texture, uv))
+        let place = self.place(textures, uv);
+        place.blend(&place.texels(textures))
+    }
+
+    /// Where texture coordinates of the mesh lie on the bitmap.
+    #[inline(always)]
+    pub fn place(&self, textures: &[Texture], uv: Vec2) -> TexturePlace {
+        TexturePlace {
+            texture: self.texture,
+            footprint: self.footprint(&textures[self.texture as usize], uv),
+        }
     }
 
     /// How much the mean of the channels grows along the two texture coordinates of the mesh, by the bilinear interpolant
@@ -81,7 +90,7 @@ impl TextureMap {
         let texture = &textures[self.texture as usize];
         let footprint = self.footprint(texture, uv);
         let mean = |rgb: Rgb| (rgb.r + rgb.g + rgb.b) * (1.0 / 3.0);
-        let [a, b, c, d] = texture.texels(footprint.indices).map(mean);
+        let [a, b, c, d] = texture.texels(footprint.indices).decode().map(mean);
         let (width, height) = texture.size();
         // Rows go down, v goes up.
         let columns = (b - a) * (1.0 - footprint.fy) + (d - c) * footprint.fy;
@@ -104,7 +113,58 @@ impl TextureMap {
 
 static SRGB_TO_LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|i| srgb_decode(i as f32 / 255.0)));
 
+/// A place on a bitmap: finding it takes arithmetic and reading its texels takes memory, and loops that do only one of the
+/// two are faster.
+#[derive(Clone, Copy, Debug)]
+pub struct TexturePlace {
+    texture: u32,
+    footprint: Footprint,
+}
+
+/// The texels around a place, as they are stored.
+#[derive(Clone, Copy, Debug)]
+pub enum Texels {
+    /// Three bytes each.
+    Rgb8([[u8; 3]; 4], Encoding),
+    /// Linear floating point.
+    Rgb32([Rgb; 4]),
+}
+
+impl TexturePlace {
+    /// Reads the texels around it.
+    #[inline(always)]
+    pub fn texels(&self, textures: &[Texture]) -> Texels {
+        textures[self.texture as usize].texels(self.footprint.indices)
+    }
+
+    /// The colour at the place, given the texels around it.
+    #[inline(always)]
+    pub fn blend(&self, texels: &Texels) -> Rgb {
+        let [a, b, c, d] = texels.decode();
+        let Footprint { fx, fy, .. } = self.footprint;
+        a.lerp(b, fx).lerp(c.lerp(d, fx), fy)
+    }
+}
+
+impl Texels {
+    /// As linear colours.
+    #[inline(always)]
+    fn decode(&self) -> [Rgb; 4] {
+        match self {
+            Texels::Rgb8(texels, Encoding::Srgb) => {
+                let decode = &*SRGB_TO_LINEAR;
+                texels.map(|texel| Rgb::from(texel.map(|c| decode[usize::from(c)])))
+            }
+            Texels::Rgb8(texels, Encoding::Linear) => {
+                texels.map(|texel| Rgb::from(texel.map(|c| f32::from(c) * (1.0 / 255.0))))
+            }
+            Texels::Rgb32(texels) => *texels,
+        }
+    }
+}
+
 /// The four texels around a texture coordinate: indices and the weights of the second column and row.
+#[derive(Clone, Copy, Debug)]
 struct Footprint {
     indices: [usize; 4],
     fx: f32,
@@ -123,12 +183,6 @@ impl Footprint {
             fx: x,
             fy: y,
         }
-    }
-
-    #[inline(always)]
-    fn blend(&self, texel: impl Fn(usize) -> Rgb) -> Rgb {
-        let [a, b, c, d] = self.indices.map(texel);
-        a.lerp(b, self.fx).lerp(c.lerp(d, self.fx), self.fy)
     }
 }
 
@@ -179,25 +233,11 @@ impl Texture {
     }
 
     #[inline(always)]
-    fn lookup(&self, footprint: Footprint) -> Rgb {
+    fn texels(&self, indices: [usize; 4]) -> Texels {
         match self {
-            Texture::Rgb8(image, Encoding::Srgb) => {
-                let decode = &*SRGB_TO_LINEAR;
-                footprint.blend(|i| Rgb::from(image.pixels[i].map(|c| decode[usize::from(c)])))
-            }
-            Texture::Rgb8(image, Encoding::Linear) => {
-                footprint.blend(|i| Rgb::from(image.pixels[i].map(|c| f32::from(c) * (1.0 / 255.0))))
-            }
-            Texture::Rgb32(image) => footprint.blend(|i| image.pixels[i]),
+            Texture::Rgb8(image, encoding) => Texels::Rgb8(indices.map(|i| image.pixels[i]), *encoding),
+            Texture::Rgb32(image) => Texels::Rgb32(indices.map(|i| image.pixels[i])),
         }
-    }
-
-    fn texels(&self, indices: [usize; 4]) -> [Rgb; 4] {
-        indices.map(|i| match self {
-            Texture::Rgb8(image, Encoding::Srgb) => Rgb::from(image.pixels[i].map(|c| SRGB_TO_LINEAR[usize::from(c)])),
-            Texture::Rgb8(image, Encoding::Linear) => Rgb::from(image.pixels[i].map(|c| f32::from(c) * (1.0 / 255.0))),
-            Texture::Rgb32(image) => image.pixels[i],
-        })
     }
 
     /// Bytes of the texels.

@@ -76,6 +76,13 @@ pub struct Geometry {
 }
 
 impl Geometry {
+    /// The corners of the triangle of a hit, as indices into its mesh.
+    #[inline(always)]
+    pub fn corners(&self, hit: &Hit) -> [u32; 3] {
+        let placement = &self.placements[hit.placement as usize];
+        self.meshes[placement.mesh as usize].indices[hit.triangle as usize]
+    }
+
     /// World-space corners of a triangle of a placement: the one place where instance vertices are transformed.
     #[inline]
     pub fn world_triangle(&self, placement: u32, triangle: u32) -> [Vec3; 3] {

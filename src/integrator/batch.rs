@@ -8,6 +8,7 @@ use crate::light::{AreaLightColumns, Emitter, EnvironmentColumns, LightSample};
 use crate::material::ReliefShadow;
 use crate::math::{DVec3, Frame, Rgb, Vec3};
 use crate::sampling::{Sampler, SamplerKind};
+use crate::texture::{Texels, TexturePlace};
 use serde::Serialize;
 
 /// Names one sample of one pixel of the full image.
@@ -201,6 +202,8 @@ pub(super) struct EscapedPath {
 pub(super) struct Vertices {
     /// Distance and barycentric coordinates of the hits.
     pub(super) hit: Columns<3>,
+    /// Corners of the triangles by their index in the mesh.
+    pub(super) corner_indices: Vec<[u32; 3]>,
     /// Corners, vertex normals and orientation of the triangles.
     pub(super) corners: [Columns<3>; 3],
     pub(super) normals: [Columns<3>; 3],
@@ -223,6 +226,9 @@ pub(super) struct Vertices {
     pub(super) roulette: Column<f32>,
     /// Albedo where scattering is diffuse; the others are listed with their lanes.
     pub(super) reflectance: Columns<3>,
+    /// Lanes whose albedo comes from a bitmap, the place on it, its tint, and the texels there.
+    pub(super) bitmaps: Vec<(u32, TexturePlace, Rgb)>,
+    pub(super) bitmap_texels: Vec<Texels>,
     pub(super) others: Vec<(u32, Bsdf, Option<ReliefShadow>)>,
     /// The normal on whose side light counts; zero where both sides do.
     pub(super) light_side: Columns<3>,

@@ -11,8 +11,9 @@ use super::{BounceSampling, Roulette, Settings};
 use crate::accel::{Hit, Ray};
 use crate::bsdf::{Bsdf, BsdfEval, BsdfSample, Diffuse};
 use crate::columns::padded;
-use crate::interaction::{ShadingTriangle, SurfaceInteraction, surface_point};
+use crate::interaction::{ShadingTriangle, SurfaceInteraction, surface_point, texture_coordinates_between};
 use crate::light::{AreaLight, Chosen, Emitter, LightSample};
+use crate::material::Material;
 use crate::math::{DVec3, Frame, Rgb, Vec3};
 use crate::sampling::mis::power_heuristic;
 use crate::sampling::{Dimension, Sampler};
@@ -172,9 +173,11 @@ impl<const F: u32> Shading<'_, F> {
         };
         let Lanes { escaped, vertices, .. } = &mut *batch.lanes;
         let places = &mut vertices.places;
-        environment.locate_lanes(escaped.paths.len(), &escaped.directions, places);
+        let n = escaped.paths.len();
+        environment.locate_lanes(n, &escaped.directions, places);
+        environment.lookup_lanes(0..n, n, places);
         for (i, path) in escaped.paths.iter().enumerate() {
-            let (radiance, pdf_w) = environment.lookup(&places.get(i));
+            let (radiance, pdf_w) = places.found(i);
             let light = radiance * self.hit_weight(path.pdf_w, || pdf_w * path.environment_pmf);
             batch.radiance[path.sample as usize] += wide(path.throughput * light);
         }
@@ -214,8 +217,15 @@ impl<const F: u32> Shading<'_, F> {
     #[inline(always)]
     fn interact<const SMOOTH: bool>(self, hits: &[Hit], paths: &Paths, vertices: &mut Vertices) {
         let lift = self.settings.smooth_terminator;
+        let geometry = &self.scene.geometry;
+        // In a loop of its own, so that what follows waits for vertices alone.
+        vertices.corner_indices.clear();
+        vertices
+            .corner_indices
+            .extend(hits.iter().map(|hit| geometry.corners(hit)));
         for (i, hit) in hits.iter().enumerate() {
-            let triangle = ShadingTriangle::new::<SMOOTH>(&self.scene.geometry, hit);
+            let corners = vertices.corner_indices[i];
+            let triangle = ShadingTriangle::of_corners::<SMOOTH>(geometry, hit.placement, corners);
             vertices.hit.set(i, [hit.t, hit.u, hit.v]);
             for k in 0..3 {
                 vertices.corners[k].set(i, triangle.corners[k]);
@@ -297,6 +307,8 @@ impl<const F: u32> Shading<'_, F> {
     #[inline(always)]
     fn find_bsdfs(self, hits: &[Hit], depth: u32, paths: &Paths, vertices: &mut Vertices) {
         vertices.others.clear();
+        vertices.bitmaps.clear();
+        let textures = &self.scene.textures;
         for (i, hit) in hits.iter().enumerate() {
             let is_general = Self::GENERAL && self.scene.surfaces[hit.placement as usize].is_general;
             let (bsdf, shadow) = if is_general {
@@ -307,6 +319,15 @@ impl<const F: u32> Shading<'_, F> {
                 vertices.ns.set(i, si.frame.n);
                 scattering
             } else {
+                if SceneFeatures(F).contains(SceneFeatures::TEXTURES)
+                    && self.settings.bounce_sampling == BounceSampling::Bsdf
+                    && let Some((map, tint)) = self.material(hit).diffuse_bitmap()
+                {
+                    let corners = || vertices.corner_indices[i];
+                    let uv = texture_coordinates_between(&self.scene.geometry, hit, corners);
+                    vertices.bitmaps.push((i as u32, map.place(textures, uv), tint));
+                    continue;
+                }
                 (self.bsdf(hit, vertices.front[i] > 0.0), None)
             };
             match bsdf {
@@ -319,13 +340,23 @@ impl<const F: u32> Shading<'_, F> {
                 _ => vertices.others.push((i as u32, bsdf, shadow)),
             }
         }
+        let texels = vertices.bitmaps.iter().map(|(_, place, _)| place.texels(textures));
+        vertices.bitmap_texels.clear();
+        vertices.bitmap_texels.extend(texels);
+        for ((i, place, tint), texels) in vertices.bitmaps.iter().zip(&vertices.bitmap_texels) {
+            vertices.reflectance.set(*i as usize, place.blend(texels) * *tint);
+        }
+    }
+
+    #[inline(always)]
+    fn material(&self, hit: &Hit) -> &Material {
+        &self.scene.materials[self.scene.surfaces[hit.placement as usize].material as usize]
     }
 
     #[inline(always)]
     fn bsdf(&self, hit: &Hit, front: bool) -> Bsdf {
         let features = SceneFeatures(F);
-        let surface = &self.scene.surfaces[hit.placement as usize];
-        let material = &self.scene.materials[surface.material as usize];
+        let material = self.material(hit);
         let textures = &self.scene.textures;
         let point = || surface_point(&self.scene.geometry, hit);
         // What asks for a direction in the surface takes the general way.
@@ -439,10 +470,13 @@ impl<const F: u32> Shading<'_, F> {
                 let [high, low] = [0, 1].map(|k| vertices.texel_choice[k][i]);
                 vertices.texels[i] = environment.choose_texel(u64::from(high) << 32 | u64::from(low));
             }
-            environment.sample_lanes(n, &vertices.texels, &vertices.light_position, &mut vertices.places);
+            let places = &mut vertices.places;
+            environment.sample_lanes(n, &vertices.texels, &vertices.light_position, places);
+            environment.lookup_lanes(vertices.sky.iter().map(|i| *i as usize), n, places);
             for k in 0..vertices.sky.len() {
                 let i = vertices.sky[k] as usize;
-                let sample = lights.sample_environment(environment, vertices.emitter_pmf[i], &vertices.places.get(i));
+                let (pmf, places) = (vertices.emitter_pmf[i], &vertices.places);
+                let sample = lights.sample_environment(pmf, places.get(i).wi, places.found(i));
                 vertices.set_light(i, sample);
             }
         }

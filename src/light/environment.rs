@@ -154,11 +154,14 @@ impl EnvironmentPoint {
     }
 }
 
-/// Places by lane.
+/// Places by lane, and what lies there.
 #[derive(Clone, Debug, Default)]
 pub struct EnvironmentColumns {
     numbers: Columns<6>,
     texels: [Column<u32>; 4],
+    /// What the texels hold.
+    contents: [Columns<4>; 4],
+    found: Columns<4>,
 }
 
 impl EnvironmentColumns {
@@ -174,7 +177,14 @@ impl EnvironmentColumns {
         }
     }
 
-    /// Replaces that of lane `i`.
+    /// What [`Environment::lookup_lanes`] has found in lane `i`, as [`Environment::lookup`] states it.
+    #[inline(always)]
+    pub fn found(&self, i: usize) -> (Rgb, f32) {
+        let [r, g, b, pdf_w] = self.found.get(i);
+        (Rgb::new(r, g, b), pdf_w)
+    }
+
+    /// Replaces the place of lane `i`.
     #[inline(always)]
     pub fn set(&mut self, i: usize, point: &EnvironmentPoint) {
         let EnvironmentPoint {
@@ -455,6 +465,33 @@ impl Environment {
         }
     }
 
+    /// [`Environment::lookup`] for the places of `lanes`, which are below `n`: all texels are fetched before the first is used.
+    #[inline(always)]
+    pub fn lookup_lanes(&self, lanes: impl Iterator<Item = usize>, n: usize, places: &mut EnvironmentColumns) {
+        match self {
+            Environment::Map(map) => {
+                for i in lanes {
+                    for k in 0..4 {
+                        let texel = map.texels[places.texels[k][i] as usize];
+                        places.contents[k].set(i, texel);
+                    }
+                }
+                let has_table = map.table.is_some();
+                for i in 0..padded(n) {
+                    let texels = [0, 1, 2, 3].map(|k| places.contents[k].get(i));
+                    let (radiance, pdf_w) = blend(texels, &places.get(i), has_table);
+                    places.found.set(i, [radiance.r, radiance.g, radiance.b, pdf_w]);
+                }
+            }
+            Environment::Constant(_) => {
+                for i in lanes {
+                    let (radiance, pdf_w) = self.lookup(&places.get(i));
+                    places.found.set(i, [radiance.r, radiance.g, radiance.b, pdf_w]);
+                }
+            }
+        }
+    }
+
     /// Bytes of the texels and of the sampling table.
     pub fn memory_bytes(&self) -> (usize, usize) {
         match self {
@@ -519,22 +556,28 @@ impl EnvironmentMap {
 
     #[inline(always)]
     fn lookup(&self, point: &EnvironmentPoint) -> (Rgb, f32) {
-        let [a, b, c, d] = point.texels.map(|k| self.texels[k as usize]);
-        let [fx, fy] = point.fraction;
-        let blend: [f32; 4] = std::array::from_fn(|i| {
-            let upper = a[i] + (b[i] - a[i]) * fx;
-            let lower = c[i] + (d[i] - c[i]) * fx;
-            // The difference form can undershoot zero by an ulp of a hot neighbour.
-            (upper + (lower - upper) * fy).max(0.0)
-        });
-        let pdf_w = if self.table.is_some() {
-            // Equation 9; the probabilities are stored times w h.
-            blend[3] / (2.0 * (PI * PI) as f32 * point.sin_theta)
-        } else {
-            warp::UNIFORM_SPHERE_PDF_W
-        };
-        (Rgb::new(blend[0], blend[1], blend[2]), pdf_w)
+        let texels = point.texels.map(|k| self.texels[k as usize]);
+        blend(texels, point, self.table.is_some())
     }
+}
+
+/// Radiance and density at a place between these texels. Without a table, directions are drawn uniformly.
+#[inline(always)]
+fn blend([a, b, c, d]: [[f32; 4]; 4], point: &EnvironmentPoint, has_table: bool) -> (Rgb, f32) {
+    let [fx, fy] = point.fraction;
+    let blend: [f32; 4] = std::array::from_fn(|i| {
+        let upper = a[i] + (b[i] - a[i]) * fx;
+        let lower = c[i] + (d[i] - c[i]) * fx;
+        // The difference form can undershoot zero by an ulp of a hot neighbour.
+        (upper + (lower - upper) * fy).max(0.0)
+    });
+    let pdf_w = if has_table {
+        // Equation 9; the probabilities are stored times w h.
+        blend[3] / (2.0 * (PI * PI) as f32 * point.sin_theta)
+    } else {
+        warp::UNIFORM_SPHERE_PDF_W
+    };
+    (Rgb::new(blend[0], blend[1], blend[2]), pdf_w)
 }
 
 impl Layout {

@@ -4,7 +4,7 @@
 use super::distant::DistantLights;
 use super::environment::Irradiance;
 use super::tree::{LightTree, Visit};
-use super::{AreaLight, Environment, EnvironmentPoint, LightSample, PunctualLight};
+use super::{AreaLight, Environment, LightSample, PunctualLight};
 use crate::math::{Rgb, Vec3};
 use crate::sampling::{Dimension, Sampler};
 
@@ -241,19 +241,13 @@ impl LightSampler {
         self.areas[light as usize].sample(pmf, p, u)
     }
 
-    /// The sample of the environment at a place drawn by [`Environment::sample`], the environment being drawn with
-    /// probability `pmf`. `None` if it carries no light.
+    /// The sample of the environment in a direction drawn by [`Environment::sample`], where [`Environment::lookup`] has found
+    /// this radiance and density, the environment being drawn with probability `pmf`. `None` if it carries no light.
     #[inline(always)]
-    pub fn sample_environment(
-        &self,
-        environment: &Environment,
-        pmf: f32,
-        point: &EnvironmentPoint,
-    ) -> Option<LightSample> {
-        let (radiance, pdf_w) = environment.lookup(point);
+    pub fn sample_environment(&self, pmf: f32, wi: Vec3, (radiance, pdf_w): (Rgb, f32)) -> Option<LightSample> {
         let pdf_w = pdf_w * pmf;
         (pdf_w > 0.0 && pdf_w.is_finite() && !radiance.is_black()).then_some(LightSample {
-            wi: point.wi,
+            wi,
             radiance,
             pdf_w,
             target: None,
@@ -300,7 +294,8 @@ impl LightSampler {
             (Emitter::Distant(light), _) => self.sample_distant(light, pmf, u),
             (Emitter::Environment, Some(environment)) => {
                 let texel = environment.choose_texel(sampler.get_u64(Dimension::Texel));
-                self.sample_environment(environment, pmf, &environment.sample(texel, u))
+                let point = environment.sample(texel, u);
+                self.sample_environment(pmf, point.wi, environment.lookup(&point))
             }
             _ => None,
         }

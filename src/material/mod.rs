@@ -2,7 +2,7 @@
 
 use crate::bsdf::{Bsdf, Conductor, Dielectric, Diffuse, Plastic};
 use crate::math::Rgb;
-use crate::texture::Texture;
+use crate::texture::{Texture, TextureMap};
 
 mod general;
 mod relief;
@@ -201,6 +201,17 @@ impl Material {
             }),
             Scattering::General(general) if GENERAL => general.bsdf(textures, point, front, tangent),
             Scattering::General(_) => Bsdf::Mirror(Rgb::BLACK),
+        }
+    }
+
+    /// The bitmap of a diffuse surface that varies by nothing else, and its tint.
+    #[inline(always)]
+    pub fn diffuse_bitmap(&self) -> Option<(&TextureMap, Rgb)> {
+        match &self.scattering {
+            Scattering::Diffuse {
+                reflectance: Spectrum::Bitmap(map, tint),
+            } => Some((map, *tint)),
+            _ => None,
         }
     }
 
