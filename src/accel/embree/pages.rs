@@ -9,8 +9,16 @@ use std::fs;
 /// Size of a large page: that of x86-64, and of arm64 with small pages of 4 KiB.
 const LARGE_PAGE: usize = 2 << 20;
 
-/// Makes large pages of the memory that the process has written so far. Where the system cannot, all stays as it is.
+/// Where the owner of the system says which programs get large pages.
+const POLICY: &str = "/sys/kernel/mm/transparent_hugepage/enabled";
+
+/// Makes large pages of the memory that the process has written so far. Where the system cannot, or its owner wants none, all
+/// stays as it is.
 pub(super) fn enlarge() {
+    // The request would override it.
+    if fs::read_to_string(POLICY).is_ok_and(|policy| policy.contains("[never]")) {
+        return;
+    }
     let Ok(maps) = fs::read_to_string("/proc/self/maps") else {
         return;
     };
