@@ -1,8 +1,9 @@
 //! Large pages for what rays read.
 //!
 //! A ray visits a tree and a mesh at places that have nothing to do with each other, and with pages of 4 KiB most of these
-//! visits first wait for the address to be translated. The C library's heap, where all of it lies, takes large pages only
-//! if it is told to before the program starts; so the system is asked to make them of what is there.
+//! visits first wait for the address to be translated. Embree asks for large pages itself where a tree takes hundreds of
+//! megabytes. Smaller ones lie in the C library's heap, like our meshes and textures, which takes large pages only if it is
+//! told to before the program starts; so the system is asked to make them of what is there.
 
 use std::fs;
 
