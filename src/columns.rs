@@ -17,7 +17,7 @@ use std::ops::{Index, IndexMut};
 pub const LANES: usize = 256;
 
 /// Loops cover whole multiples of this many lanes, so that none are left over for slower code.
-const WIDTH: usize = 16;
+pub const WIDTH: usize = 16;
 
 /// One number of each lane.
 #[derive(Clone, Debug)]

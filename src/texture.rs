@@ -2,6 +2,7 @@
 
 use crate::image::Image;
 use crate::math::{Affine2, Rgb, Vec2, srgb_decode};
+use prefetch_index::prefetch_index;
 use std::sync::LazyLock;
 
 /// How the numbers of an 8-bit image stand for light.
@@ -131,6 +132,15 @@ pub enum Texels {
 }
 
 impl TexturePlace {
+    /// Asks for the texels around it.
+    #[inline(always)]
+    pub fn prefetch(&self, textures: &[Texture]) {
+        match &textures[self.texture as usize] {
+            Texture::Rgb8(image, _) => self.footprint.indices.map(|i| prefetch_index(&image.pixels, i)),
+            Texture::Rgb32(image) => self.footprint.indices.map(|i| prefetch_index(&image.pixels, i)),
+        };
+    }
+
     /// Reads the texels around it.
     #[inline(always)]
     pub fn texels(&self, textures: &[Texture]) -> Texels {

@@ -5,12 +5,13 @@ mod support;
 use embrace::accel::{Accel, BuildOptions};
 use embrace::film::Rect;
 use embrace::image::Image;
-use embrace::integrator::{BounceSampling, KernelChoice, Roulette, Settings, kernel_for};
+use embrace::integrator::{BounceSampling, Kernel, KernelChoice, Roulette, Settings, kernel_for};
 use embrace::light::EnvSampling;
 use embrace::material::Back;
 use embrace::math::{DVec3, Rgb};
 use embrace::render::{ErrorControl, Job, render};
 use embrace::scene::{Instancing, LightDesc, LoadOptions, Scene, SceneDesc, SceneFeatures, SceneOptions, load};
+use embrace::texture::{Encoding, Texture};
 use std::fs;
 use std::path::{Path, PathBuf};
 use support::for_each_backend;
@@ -20,6 +21,7 @@ for_each_backend! { but not brute:
     the_kernel_for_a_scene_gives_the_image_of_the_general_one
     the_kernel_for_a_set_of_features_gives_the_image_of_the_general_one
     every_estimator_is_the_same_in_both_kernels
+    what_is_fetched_ahead_is_what_is_fetched_at_once
     instancing_does_not_change_what_a_scene_requires
 }
 
@@ -64,7 +66,7 @@ fn described(path: &Path) -> SceneDesc {
     desc
 }
 
-fn image<A: Accel>(scene: &Scene, accel: &A, choice: KernelChoice, settings: Settings) -> Image<Rgb> {
+fn image<A: Accel>(scene: &Scene, accel: &A, kernel: Kernel, settings: Settings) -> Image<Rgb> {
     let [x1, y1] = scene.camera.resolution();
     let crop = Rect { x0: 0, y0: 0, x1, y1 };
     let job = Job {
@@ -74,7 +76,7 @@ fn image<A: Accel>(scene: &Scene, accel: &A, choice: KernelChoice, settings: Set
         split_direct: false,
         settings,
     };
-    let (film, report) = render(scene, accel, kernel_for(scene, choice), &job);
+    let (film, report) = render(scene, accel, kernel, &job);
     assert_eq!(report.dropped.count, 0);
     film.develop()
 }
@@ -82,16 +84,14 @@ fn image<A: Accel>(scene: &Scene, accel: &A, choice: KernelChoice, settings: Set
 /// Renders by the kernel for the scene and by the general one, which must agree in every bit.
 fn assert_kernels_agree<A: Accel>(scene: &Scene, settings: Settings, what: &str) {
     let accel = A::build(&scene.geometry, BuildOptions::default()).unwrap();
-    let features = kernel_for(scene, KernelChoice::Auto).features;
+    let kernels = [KernelChoice::Auto, KernelChoice::General].map(|choice| kernel_for(scene, choice));
+    let features = kernels[0].features;
     assert!(
         features.contains(scene.features),
         "{what}: {features} for {}",
         scene.features
     );
-    let special = image(scene, &accel, KernelChoice::Auto, settings);
-    let general = image(scene, &accel, KernelChoice::General, settings);
-    let bits =
-        |image: &Image<Rgb>| -> Vec<[u32; 3]> { image.pixels.iter().map(|p| p.to_array().map(f32::to_bits)).collect() };
+    let [special, general] = kernels.map(|kernel| image(scene, &accel, kernel, settings));
     assert!(
         bits(&special) == bits(&general),
         "{what}: the kernel {features} differs from the general one"
@@ -105,6 +105,10 @@ fn assert_kernels_agree<A: Accel>(scene: &Scene, settings: Settings, what: &str)
     .iter()
     .any(|lights| scene.features.contains(*lights));
     assert_eq!(is_lit, has_light, "{what}");
+}
+
+fn bits(image: &Image<Rgb>) -> Vec<[u32; 3]> {
+    image.pixels.iter().map(|p| p.to_array().map(f32::to_bits)).collect()
 }
 
 fn image_has_light(image: &Image<Rgb>) -> bool {
@@ -263,6 +267,30 @@ fn every_estimator_is_the_same_in_both_kernels<A: Accel>() {
             assert_kernels_agree::<A>(&scene, settings, &format!("{features}, {settings:?}"));
         }
     }
+}
+
+fn what_is_fetched_ahead_is_what_is_fetched_at_once<A: Accel>() {
+    for features in all_sets() {
+        let (_folder, scene) = scene_with(features, EnvSampling::Importance);
+        let accel = A::build(&scene.geometry, BuildOptions::default()).unwrap();
+        for choice in [KernelChoice::Auto, KernelChoice::General] {
+            let images = [false, true].map(|fetches_ahead| {
+                let mut kernel = kernel_for(&scene, choice);
+                kernel.fetches_ahead = fetches_ahead;
+                image(&scene, &accel, kernel, limited())
+            });
+            assert!(bits(&images[0]) == bits(&images[1]), "{features}, {choice:?}");
+        }
+    }
+}
+
+#[test]
+fn memory_is_asked_for_ahead_where_the_scene_outgrows_a_cache() {
+    let (_folder, mut scene) = scene_with(SceneFeatures::TEXTURES, EnvSampling::Importance);
+    assert!(!kernel_for(&scene, KernelChoice::Auto).fetches_ahead);
+    let large = Image::filled(1024, 1024, [0; 3]);
+    scene.textures.push(Texture::Rgb8(large, Encoding::Linear));
+    assert!(kernel_for(&scene, KernelChoice::Auto).fetches_ahead);
 }
 
 fn instancing_does_not_change_what_a_scene_requires<A: Accel>() {

@@ -6,6 +6,7 @@
 use crate::math::Vec3;
 use crate::mesh::TriangleMesh;
 use glam::Affine3A;
+use prefetch_index::prefetch_index;
 use std::sync::Arc;
 use thiserror::Error;
 
@@ -81,6 +82,28 @@ impl Geometry {
     pub fn corners(&self, hit: &Hit) -> [u32; 3] {
         let placement = &self.placements[hit.placement as usize];
         self.meshes[placement.mesh as usize].indices[hit.triangle as usize]
+    }
+
+    /// Asks for the memory that [`Geometry::corners`] reads.
+    #[inline(always)]
+    pub fn prefetch_corners(&self, hit: &Hit) {
+        let placement = &self.placements[hit.placement as usize];
+        prefetch_index(&self.meshes[placement.mesh as usize].indices, hit.triangle as usize);
+    }
+
+    /// Asks for the vertices of a triangle of a placement.
+    #[inline(always)]
+    pub fn prefetch_vertices(&self, placement: u32, corners: [u32; 3]) {
+        let mesh = &*self.meshes[self.placements[placement as usize].mesh as usize];
+        for i in corners.map(|i| i as usize) {
+            prefetch_index(&mesh.positions, i);
+            if !mesh.normals.is_empty() {
+                prefetch_index(&mesh.normals, i);
+            }
+            if !mesh.uvs.is_empty() {
+                prefetch_index(&mesh.uvs, i);
+            }
+        }
     }
 
     /// World-space corners of a triangle of a placement: the one place where instance vertices are transformed.

@@ -1,5 +1,6 @@
 //! The state of a batch of paths, column by column.
 
+use super::fetch::Progress;
 use crate::accel::{Hit, Ray};
 use crate::bsdf::{Bsdf, BsdfSample};
 use crate::columns::{Column, Columns, LANES};
@@ -34,10 +35,7 @@ pub struct Batch {
     /// The light of at most one scattering event, if it is wanted apart.
     pub(super) direct: Vec<DVec3>,
     pub(super) keeps_direct: bool,
-    /// What camera rays meet; and the rays of a block of pixels, what they meet.
-    pub(super) camera_hits: Vec<Option<Hit>>,
-    pub(super) block_rays: Vec<Ray>,
-    pub(super) block_hits: Vec<Option<Hit>>,
+    pub(super) camera: CameraRays,
     /// Lanes of the paths that go on to a next vertex, ascending.
     pub(super) alive: Vec<u32>,
     /// By lane of the paths that met a surface.
@@ -96,6 +94,16 @@ impl Batch {
     pub fn direct(&self) -> impl Iterator<Item = Rgb> {
         self.direct.iter().map(|sum| Rgb::from(sum.to_array()))
     }
+}
+
+/// Rays from the camera, which are traced by blocks of pixels.
+#[derive(Debug, Default)]
+pub(super) struct CameraRays {
+    /// By sample: what its ray meets, as far as they are traced.
+    pub(super) hits: Vec<Option<Hit>>,
+    /// The rays of one block, and what they meet.
+    pub(super) block_rays: Vec<Ray>,
+    pub(super) block_hits: Vec<Option<Hit>>,
 }
 
 /// All columns. In one allocation, so that the compiler knows which do not overlap.
@@ -183,6 +191,8 @@ pub(super) struct Escaped {
     /// Where they come from, as in [`Paths`].
     pub(super) paths: Vec<EscapedPath>,
     pub(super) directions: Columns<3>,
+    /// Where on the environment they end.
+    pub(super) places: EnvironmentColumns,
     /// Only where the scene has discs.
     pub(super) p: Columns<3>,
     pub(super) n: Columns<3>,
@@ -202,8 +212,10 @@ pub(super) struct EscapedPath {
 pub(super) struct Vertices {
     /// Distance and barycentric coordinates of the hits.
     pub(super) hit: Columns<3>,
+    /// How far [`super::fetch`] has come.
+    pub(super) progress: Progress,
     /// Corners of the triangles by their index in the mesh.
-    pub(super) corner_indices: Vec<[u32; 3]>,
+    pub(super) corner_indices: [Column<u32>; 3],
     /// Corners, vertex normals and orientation of the triangles.
     pub(super) corners: [Columns<3>; 3],
     pub(super) normals: [Columns<3>; 3],
@@ -239,7 +251,7 @@ pub(super) struct Vertices {
     pub(super) area_lights: AreaLightColumns,
     /// Lanes that sample what has no columns: points, light from far away, triangles whose emission varies.
     pub(super) apart: Vec<u32>,
-    /// Lanes that sample the environment, and their texels.
+    /// Lanes that sample the environment; texels drawn, and places around them.
     pub(super) sky: Vec<u32>,
     pub(super) texels: Column<u32>,
     pub(super) places: EnvironmentColumns,
@@ -267,6 +279,13 @@ pub(super) struct Vertices {
 }
 
 impl Vertices {
+    /// Forgets what was fetched for other hits.
+    pub(super) fn start_fetching(&mut self, is_ahead: bool) {
+        self.progress = Progress::new(is_ahead);
+        self.bitmaps.clear();
+        self.bitmap_texels.clear();
+    }
+
     /// The triangle and the hit on it of lane `i`; the hit's indices are left out.
     #[inline(always)]
     pub(super) fn triangle<const SMOOTH: bool>(&self, i: usize) -> (ShadingTriangle, Hit) {
@@ -285,6 +304,13 @@ impl Vertices {
             triangle: 0,
         };
         (triangle, hit)
+    }
+
+    /// The random bits that choose a texel of the environment in lane `i`.
+    #[inline(always)]
+    pub(super) fn texel_bits(&self, i: usize) -> u64 {
+        let [high, low] = [0, 1].map(|k| self.texel_choice[k][i]);
+        u64::from(high) << 32 | u64::from(low)
     }
 
     #[inline(always)]

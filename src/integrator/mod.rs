@@ -6,6 +6,7 @@ use crate::sampling::SamplerKind;
 use crate::scene::{Scene, SceneFeatures};
 
 mod batch;
+mod fetch;
 mod path;
 mod roulette;
 mod vertex;
@@ -138,7 +139,11 @@ impl Settings {
 pub struct Kernel {
     /// What it is compiled for.
     pub features: SceneFeatures,
+    /// Whether what vertices need from memory is asked for while rays are traced, as [`kernel_for`] decides by the size of
+    /// the scene. The image is the same.
+    pub fetches_ahead: bool,
     start: fn(&Scene, &Settings, &mut Batch),
+    fetch: fn(&Scene, &Settings, u32, &[Hit], &batch::Paths, &mut batch::Vertices),
     scatter: fn(&Scene, &Settings, u32, &mut Batch),
 }
 
@@ -156,7 +161,9 @@ impl Kernel {
     const fn new<const F: u32>() -> Kernel {
         Kernel {
             features: SceneFeatures(F),
+            fetches_ahead: false,
             start: vertex::start::<F>,
+            fetch: fetch::step::<F>,
             scatter: vertex::scatter::<F>,
         }
     }
@@ -208,5 +215,9 @@ pub fn kernel_for(scene: &Scene, choice: KernelChoice) -> Kernel {
         KernelChoice::Auto => kernel.features.contains(scene.features),
         KernelChoice::General => kernel.features == SceneFeatures::ALL,
     };
-    *KERNELS.iter().find(serves).expect("the last kernel has all features")
+    let kernel = *KERNELS.iter().find(serves).expect("the last kernel has all features");
+    Kernel {
+        fetches_ahead: fetch::is_ahead(scene),
+        ..kernel
+    }
 }

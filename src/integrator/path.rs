@@ -5,10 +5,12 @@
 //! sampling. Roulette ends the path and keeps the weight.
 //!
 //! All paths of a batch make the same step before any makes the next one, for three reasons: a backend traces camera and
-//! shadow rays faster together than alone; a loop that only fetches waits for many loads at once; and a loop that only
-//! calculates becomes vector instructions. What a path computes does not depend on the others in its batch.
+//! shadow rays faster together than alone; what some paths need from memory can arrive while others are traced
+//! ([`super::fetch`]); and a loop that only calculates becomes vector instructions. What a path computes does not depend on
+//! the others in its batch.
 
-use super::batch::{Batch, EscapedPath, Lanes, SampleId};
+use super::batch::{Batch, CameraRays, EscapedPath, Lanes, Paths, SampleId, Vertices};
+use super::fetch;
 use super::vertex::{camera_ray, wide};
 use super::{Kernel, RayCounts, Settings};
 use crate::accel::{Accel, Hit, Ray};
@@ -92,31 +94,42 @@ impl<A: Accel> PathTracer<'_, A> {
         }
     }
 
-    /// Finds what each path meets, and moves those that meet something together.
+    /// Finds what each path meets, moves those that meet something together, and fetches what their vertices need.
     fn advance(&self, depth: u32, batch: &mut Batch) {
         let has_cutouts = self.has_cutouts();
         let has_discs = self.scene.lights.has_discs();
         let has_sky = has_discs || self.scene.features.contains(SceneFeatures::ENVIRONMENT);
-        if depth == 0 && !has_cutouts {
-            self.intersect_camera(batch);
-        }
         let Batch {
+            samples,
             alive,
             lanes,
             hits,
-            camera_hits,
+            camera,
             ..
         } = batch;
-        let Lanes { paths, escaped, .. } = &mut **lanes;
+        let Lanes {
+            paths,
+            escaped,
+            vertices,
+            ..
+        } = &mut **lanes;
         hits.clear();
         escaped.paths.clear();
+        camera.hits.clear();
+        vertices.start_fetching(self.kernel.fetches_ahead);
+        let fetch = |hits: &[Hit], paths: &Paths, vertices: &mut Vertices| {
+            (self.kernel.fetch)(self.scene, self.settings, depth, hits, paths, vertices);
+        };
         for i in alive.iter().map(|&i| i as usize) {
             let ray = paths.ray(i);
             let hit = if has_cutouts {
                 let sampler = paths.sampler(i, self.settings.sampler, depth);
                 self.nearest_opaque(ray, &sampler)
             } else if depth == 0 {
-                camera_hits[i]
+                if i == camera.hits.len() {
+                    self.intersect_block(i, samples, paths, camera);
+                }
+                camera.hits[i]
             } else {
                 self.accel.intersect(&ray)
             };
@@ -125,6 +138,9 @@ impl<A: Accel> PathTracer<'_, A> {
                     paths.copy(i, hits.len());
                 }
                 hits.push(hit);
+                if self.kernel.fetches_ahead && hits.len().is_multiple_of(fetch::TOGETHER) {
+                    fetch(hits, paths, vertices);
+                }
             } else if has_sky {
                 if has_discs {
                     escaped.p.set(escaped.paths.len(), paths.p.vec3(i));
@@ -139,43 +155,40 @@ impl<A: Accel> PathTracer<'_, A> {
                 });
             }
         }
+        for _ in 0..fetch::STEPS {
+            fetch(hits, paths, vertices);
+        }
     }
 
-    /// Finds what camera rays meet, those of a block of pixels together. Of triangles at the same distance, a backend may
-    /// find another one in other company, so the company is always the same: where only a part of a block is wanted, the
-    /// rest is traced as well.
-    fn intersect_camera(&self, batch: &mut Batch) {
-        let Batch {
-            samples,
-            lanes,
-            camera_hits,
+    /// Finds what the camera rays of a block of pixels meet, that of the sample `first`. Of triangles at the same distance, a
+    /// backend may find another one in other company, so the company is always the same: where only a part of a block is
+    /// wanted, the rest is traced as well.
+    fn intersect_block(&self, first: usize, samples: &[SampleId], paths: &Paths, camera: &mut CameraRays) {
+        let CameraRays {
+            hits,
             block_rays,
             block_hits,
-            ..
-        } = batch;
+        } = camera;
         let [x1, y1] = self.scene.camera.resolution();
         let image = Rect { x0: 0, y0: 0, x1, y1 };
         let block = |id: &SampleId| Rect::block(id.x, id.y);
-        let together = |a: &SampleId, b: &SampleId| a.sample == b.sample && block(a) == block(b);
-        let mut first = 0;
-        camera_hits.clear();
-        for ids in samples.chunk_by(together) {
-            let range = first..first + ids.len();
-            first += ids.len();
-            let block = block(&ids[0]).intersection(image);
-            block_rays.clear();
-            if ids.len() as u64 == block.pixels() {
-                block_rays.extend(range.map(|i| lanes.paths.ray(i)));
-                self.accel.intersect_coherent(block_rays, camera_hits);
-                continue;
-            }
-            let whole = || block.coordinates().map(|(x, y)| SampleId { x, y, ..ids[0] });
-            block_rays.extend(whole().map(|id| camera_ray(self.scene, self.settings, id).1));
-            block_hits.clear();
-            self.accel.intersect_coherent(block_rays, block_hits);
-            let wanted = whole().zip(&*block_hits).filter(|(id, _)| ids.contains(id));
-            camera_hits.extend(wanted.map(|(_, hit)| hit));
+        let start = &samples[first];
+        let ids = samples[first..].iter();
+        let ids = ids.take_while(|id| id.sample == start.sample && block(id) == block(start));
+        let ids = &samples[first..first + ids.count()];
+        let block = block(start).intersection(image);
+        block_rays.clear();
+        if ids.len() as u64 == block.pixels() {
+            block_rays.extend((first..first + ids.len()).map(|i| paths.ray(i)));
+            self.accel.intersect_coherent(block_rays, hits);
+            return;
         }
+        let whole = || block.coordinates().map(|(x, y)| SampleId { x, y, ..*start });
+        block_rays.extend(whole().map(|id| camera_ray(self.scene, self.settings, id).1));
+        block_hits.clear();
+        self.accel.intersect_coherent(block_rays, block_hits);
+        let wanted = whole().zip(&*block_hits).filter(|(id, _)| ids.contains(id));
+        hits.extend(wanted.map(|(_, hit)| hit));
     }
 
     /// Adds the light of emitter samples that arrives.

@@ -11,8 +11,8 @@ use super::{BounceSampling, Roulette, Settings};
 use crate::accel::{Hit, Ray};
 use crate::bsdf::{Bsdf, BsdfEval, BsdfSample, Diffuse};
 use crate::columns::padded;
-use crate::interaction::{ShadingTriangle, SurfaceInteraction, surface_point, texture_coordinates_between};
-use crate::light::{AreaLight, Chosen, Emitter, LightSample};
+use crate::interaction::{SurfaceInteraction, surface_point};
+use crate::light::{AreaLight, Chosen, Emitter, Environment, LightSample};
 use crate::material::Material;
 use crate::math::{DVec3, Frame, Rgb, Vec3};
 use crate::sampling::mis::power_heuristic;
@@ -74,13 +74,13 @@ pub(super) fn camera_ray(scene: &Scene, settings: &Settings, SampleId { sample, 
 
 /// Everything about scattering but the rays. `F` is the set of features that the code is compiled for.
 #[derive(Clone, Copy)]
-struct Shading<'a, const F: u32> {
-    scene: &'a Scene,
-    settings: &'a Settings,
+pub(super) struct Shading<'a, const F: u32> {
+    pub(super) scene: &'a Scene,
+    pub(super) settings: &'a Settings,
 }
 
 impl<const F: u32> Shading<'_, F> {
-    const ENVIRONMENT: bool = SceneFeatures(F).contains(SceneFeatures::ENVIRONMENT);
+    pub(super) const ENVIRONMENT: bool = SceneFeatures(F).contains(SceneFeatures::ENVIRONMENT);
     const AREA_LIGHTS: bool = SceneFeatures(F).contains(SceneFeatures::AREA_LIGHTS);
     const PUNCTUAL: bool = SceneFeatures(F).contains(SceneFeatures::PUNCTUAL);
     const GENERAL: bool = SceneFeatures(F).contains(SceneFeatures::GENERAL);
@@ -171,12 +171,17 @@ impl<const F: u32> Shading<'_, F> {
         let Some(environment) = self.scene.lights.environment() else {
             return;
         };
-        let Lanes { escaped, vertices, .. } = &mut *batch.lanes;
-        let places = &mut vertices.places;
-        let n = escaped.paths.len();
-        environment.locate_lanes(n, &escaped.directions, places);
-        environment.lookup_lanes(0..n, n, places);
-        for (i, path) in escaped.paths.iter().enumerate() {
+        let Escaped {
+            paths,
+            directions,
+            places,
+            ..
+        } = &mut batch.lanes.escaped;
+        let n = paths.len();
+        environment.locate_lanes(n, directions, places);
+        environment.fetch_lanes(0..n, places);
+        environment.lookup_lanes(n, places);
+        for (i, path) in paths.iter().enumerate() {
             let (radiance, pdf_w) = places.found(i);
             let light = radiance * self.hit_weight(path.pdf_w, || pdf_w * path.environment_pmf);
             batch.radiance[path.sample as usize] += wide(path.throughput * light);
@@ -191,6 +196,7 @@ impl<const F: u32> Shading<'_, F> {
             directions,
             p,
             n,
+            ..
         } = &batch.lanes.escaped;
         let lights = &self.scene.lights;
         for (i, path) in paths.iter().enumerate() {
@@ -202,7 +208,7 @@ impl<const F: u32> Shading<'_, F> {
         }
     }
 
-    /// Fetches the triangles that were hit, and computes what shading needs to know.
+    /// Computes what shading needs to know of each hit.
     #[inline(always)]
     fn find_interactions(self, batch: &mut Batch) {
         let Batch { hits, lanes, .. } = batch;
@@ -217,24 +223,6 @@ impl<const F: u32> Shading<'_, F> {
     #[inline(always)]
     fn interact<const SMOOTH: bool>(self, hits: &[Hit], paths: &Paths, vertices: &mut Vertices) {
         let lift = self.settings.smooth_terminator;
-        let geometry = &self.scene.geometry;
-        // In a loop of its own, so that what follows waits for vertices alone.
-        vertices.corner_indices.clear();
-        vertices
-            .corner_indices
-            .extend(hits.iter().map(|hit| geometry.corners(hit)));
-        for (i, hit) in hits.iter().enumerate() {
-            let corners = vertices.corner_indices[i];
-            let triangle = ShadingTriangle::of_corners::<SMOOTH>(geometry, hit.placement, corners);
-            vertices.hit.set(i, [hit.t, hit.u, hit.v]);
-            for k in 0..3 {
-                vertices.corners[k].set(i, triangle.corners[k]);
-                if SMOOTH {
-                    vertices.normals[k].set(i, triangle.normals[k]);
-                }
-            }
-            vertices.orientation[i] = triangle.orientation;
-        }
         for i in 0..padded(hits.len()) {
             let (triangle, hit) = vertices.triangle::<SMOOTH>(i);
             let ray = paths.ray(i);
@@ -307,11 +295,12 @@ impl<const F: u32> Shading<'_, F> {
     #[inline(always)]
     fn find_bsdfs(self, hits: &[Hit], depth: u32, paths: &Paths, vertices: &mut Vertices) {
         vertices.others.clear();
-        vertices.bitmaps.clear();
-        let textures = &self.scene.textures;
+        let mut bitmaps = vertices.bitmaps.iter().map(|(i, ..)| *i as usize).peekable();
         for (i, hit) in hits.iter().enumerate() {
-            let is_general = Self::GENERAL && self.scene.surfaces[hit.placement as usize].is_general;
-            let (bsdf, shadow) = if is_general {
+            if bitmaps.next_if_eq(&i).is_some() {
+                continue;
+            }
+            let (bsdf, shadow) = if self.is_general(hit) {
                 let sampler = paths.sampler(i, self.settings.sampler, depth);
                 let mut si = self.interaction(i, paths, vertices);
                 let choice = || sampler.get_1d(Dimension::Blend);
@@ -319,15 +308,6 @@ impl<const F: u32> Shading<'_, F> {
                 vertices.ns.set(i, si.frame.n);
                 scattering
             } else {
-                if SceneFeatures(F).contains(SceneFeatures::TEXTURES)
-                    && self.settings.bounce_sampling == BounceSampling::Bsdf
-                    && let Some((map, tint)) = self.material(hit).diffuse_bitmap()
-                {
-                    let corners = || vertices.corner_indices[i];
-                    let uv = texture_coordinates_between(&self.scene.geometry, hit, corners);
-                    vertices.bitmaps.push((i as u32, map.place(textures, uv), tint));
-                    continue;
-                }
                 (self.bsdf(hit, vertices.front[i] > 0.0), None)
             };
             match bsdf {
@@ -340,16 +320,25 @@ impl<const F: u32> Shading<'_, F> {
                 _ => vertices.others.push((i as u32, bsdf, shadow)),
             }
         }
-        let texels = vertices.bitmaps.iter().map(|(_, place, _)| place.texels(textures));
-        vertices.bitmap_texels.clear();
-        vertices.bitmap_texels.extend(texels);
         for ((i, place, tint), texels) in vertices.bitmaps.iter().zip(&vertices.bitmap_texels) {
             vertices.reflectance.set(*i as usize, place.blend(texels) * *tint);
         }
     }
 
     #[inline(always)]
-    fn material(&self, hit: &Hit) -> &Material {
+    pub(super) fn is_general(&self, hit: &Hit) -> bool {
+        Self::GENERAL && self.scene.surfaces[hit.placement as usize].is_general
+    }
+
+    /// The environment, if no other emitter can be chosen.
+    #[inline(always)]
+    pub(super) fn only_sky(&self) -> Option<&Environment> {
+        let lights = &self.scene.lights;
+        lights.environment().filter(|_| lights.len() == 1)
+    }
+
+    #[inline(always)]
+    pub(super) fn material(&self, hit: &Hit) -> &Material {
         &self.scene.materials[self.scene.surfaces[hit.placement as usize].material as usize]
     }
 
@@ -385,14 +374,7 @@ impl<const F: u32> Shading<'_, F> {
                 vertices.light_choice[1][i] = low;
             }
         }
-        if Self::ENVIRONMENT {
-            for i in 0..n {
-                let [high, low] = sampler(i).get_bits(Dimension::Texel);
-                vertices.texel_choice[0][i] = high;
-                vertices.texel_choice[1][i] = low;
-            }
-        }
-        if Self::AREA_LIGHTS || Self::ENVIRONMENT || Self::PUNCTUAL {
+        if !Self::ENVIRONMENT && (Self::AREA_LIGHTS || Self::PUNCTUAL) {
             for i in 0..n {
                 vertices
                     .light_position
@@ -465,14 +447,16 @@ impl<const F: u32> Shading<'_, F> {
         if Self::ENVIRONMENT
             && let Some(environment) = lights.environment()
         {
-            for &i in &vertices.sky {
-                let i = i as usize;
-                let [high, low] = [0, 1].map(|k| vertices.texel_choice[k][i]);
-                vertices.texels[i] = environment.choose_texel(u64::from(high) << 32 | u64::from(low));
+            if self.only_sky().is_none() {
+                for &i in &vertices.sky {
+                    let i = i as usize;
+                    vertices.texels[i] = environment.choose_texel(vertices.texel_bits(i));
+                }
+                let places = &mut vertices.places;
+                environment.sample_lanes(0..n, &vertices.texels, &vertices.light_position, places);
+                environment.fetch_lanes(vertices.sky.iter().map(|i| *i as usize), places);
             }
-            let places = &mut vertices.places;
-            environment.sample_lanes(n, &vertices.texels, &vertices.light_position, places);
-            environment.lookup_lanes(vertices.sky.iter().map(|i| *i as usize), n, places);
+            environment.lookup_lanes(n, &mut vertices.places);
             for k in 0..vertices.sky.len() {
                 let i = vertices.sky[k] as usize;
                 let (pmf, places) = (vertices.emitter_pmf[i], &vertices.places);

@@ -22,8 +22,10 @@ use crate::columns::{Column, Columns, padded};
 use crate::image::Image;
 use crate::math::{DMat3, DVec3, Rgb, Vec3, atan2_turns, floor, floor_f64, sin_cos_turns};
 use crate::sampling::{AliasTable, warp};
+use prefetch_index::prefetch_index;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
+use std::ops::Range;
 use thiserror::Error;
 
 /// How directions towards an environment map are drawn.
@@ -364,17 +366,32 @@ impl Environment {
         }
     }
 
-    /// [`Environment::sample`] of the first `n` lanes, in loops without branches.
+    /// Asks for the memory that [`Environment::choose_texel`] reads.
     #[inline(always)]
-    pub fn sample_lanes(&self, n: usize, texels: &Column<u32>, u: &Columns<2>, places: &mut EnvironmentColumns) {
+    pub fn prefetch_choice(&self, bits: u64) {
+        if let Environment::Map(EnvironmentMap { table: Some(table), .. }) = self {
+            table.prefetch(bits);
+        }
+    }
+
+    /// [`Environment::sample`] of these lanes, in loops without branches, to the end of their [`padded`] range.
+    #[inline(always)]
+    pub fn sample_lanes(
+        &self,
+        lanes: Range<usize>,
+        texels: &Column<u32>,
+        u: &Columns<2>,
+        places: &mut EnvironmentColumns,
+    ) {
+        let lanes = lanes.start..padded(lanes.end);
         match self {
             Environment::Map(map) if map.table.is_some() => {
                 let layout = map.layout;
-                for i in 0..padded(n) {
+                for i in lanes.clone() {
                     places.set(i, &layout.sample(texels[i], u.get(i)));
                 }
                 if let Some(turn) = map.turn {
-                    for i in 0..padded(n) {
+                    for i in lanes.clone() {
                         places.set(i, &turn.sampled(places.get(i)));
                     }
                 }
@@ -382,17 +399,17 @@ impl Environment {
             Environment::Map(map) => {
                 // A uniform direction is as good before a turn as after it.
                 let layout = map.layout;
-                for i in 0..padded(n) {
+                for i in lanes.clone() {
                     places.set(i, &layout.locate(warp::uniform_sphere(u.get(i))));
                 }
                 if let Some(turn) = map.turn {
-                    for i in 0..padded(n) {
+                    for i in lanes.clone() {
                         places.set(i, &turn.sampled(places.get(i)));
                     }
                 }
             }
             Environment::Constant(_) => {
-                for i in 0..padded(n) {
+                for i in lanes.clone() {
                     places.set(i, &EnvironmentPoint::nowhere(warp::uniform_sphere(u.get(i))));
                 }
             }
@@ -465,17 +482,34 @@ impl Environment {
         }
     }
 
-    /// [`Environment::lookup`] for the places of `lanes`, which are below `n`: all texels are fetched before the first is used.
+    /// Asks for the texels of lane `i`.
     #[inline(always)]
-    pub fn lookup_lanes(&self, lanes: impl Iterator<Item = usize>, n: usize, places: &mut EnvironmentColumns) {
+    pub fn prefetch_texels(&self, i: usize, places: &EnvironmentColumns) {
+        if let Environment::Map(map) = self {
+            for k in 0..4 {
+                prefetch_index(&map.texels, places.texels[k][i] as usize);
+            }
+        }
+    }
+
+    /// Reads the texels of these lanes.
+    #[inline(always)]
+    pub fn fetch_lanes(&self, lanes: impl Iterator<Item = usize>, places: &mut EnvironmentColumns) {
+        if let Environment::Map(map) = self {
+            for i in lanes {
+                for k in 0..4 {
+                    let texel = map.texels[places.texels[k][i] as usize];
+                    places.contents[k].set(i, texel);
+                }
+            }
+        }
+    }
+
+    /// [`Environment::lookup`] of the first `n` lanes, of which those are found that [`Environment::fetch_lanes`] has read.
+    #[inline(always)]
+    pub fn lookup_lanes(&self, n: usize, places: &mut EnvironmentColumns) {
         match self {
             Environment::Map(map) => {
-                for i in lanes {
-                    for k in 0..4 {
-                        let texel = map.texels[places.texels[k][i] as usize];
-                        places.contents[k].set(i, texel);
-                    }
-                }
                 let has_table = map.table.is_some();
                 for i in 0..padded(n) {
                     let texels = [0, 1, 2, 3].map(|k| places.contents[k].get(i));
@@ -484,7 +518,7 @@ impl Environment {
                 }
             }
             Environment::Constant(_) => {
-                for i in lanes {
+                for i in 0..padded(n) {
                     let (radiance, pdf_w) = self.lookup(&places.get(i));
                     places.found.set(i, [radiance.r, radiance.g, radiance.b, pdf_w]);
                 }

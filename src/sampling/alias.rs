@@ -14,6 +14,7 @@
 //! - the slot and the coin come from one 64-bit number: the slot from its high part, the coin from the 40 or more bits
 //!   that remain for any table that fits in memory. A 24-bit float would leave one bit for a 4096 × 2048 map.
 
+use prefetch_index::prefetch_index;
 use std::hint::select_unpredictable;
 
 /// A table that draws index `i` with probability proportional to the `i`-th weight. Eight bytes per entry.
@@ -99,12 +100,24 @@ impl AliasTable {
     /// Draws an index from 64 uniform random bits, of which the high ones matter most.
     #[inline]
     pub fn sample(&self, u: u64) -> u32 {
-        let scaled = u128::from(u) * self.slots.len() as u128;
-        let k = (scaled >> 64) as usize;
-        let coin = ((scaled as u64) >> 11) as i64 as f64 * (1.0 / 9_007_199_254_740_992.0);
+        let (k, rest) = self.slot(u);
+        let coin = (rest >> 11) as i64 as f64 * (1.0 / 9_007_199_254_740_992.0);
         let slot = self.slots[k];
         // A branch on the coin could not be predicted, and would hold up the loads behind it.
         select_unpredictable(coin < f64::from(slot.keep), k as u32, slot.alias)
+    }
+
+    /// Asks for the memory that [`AliasTable::sample`] reads.
+    #[inline(always)]
+    pub fn prefetch(&self, u: u64) {
+        prefetch_index(&self.slots, self.slot(u).0);
+    }
+
+    /// The slot for random bits, and the bits that are left.
+    #[inline(always)]
+    fn slot(&self, u: u64) -> (usize, u64) {
+        let scaled = u128::from(u) * self.slots.len() as u128;
+        ((scaled >> 64) as usize, scaled as u64)
     }
 
     /// The probability of every index as the table draws it, equation (1). This, and not the weights, is what an
