@@ -26,6 +26,7 @@ for_each_backend! { but not brute:
     scenes_of_every_scale_agree_with_brute
     the_company_of_a_ray_does_not_change_whether_it_is_occluded
     every_build_quality_finds_the_same
+    a_list_is_made_where_it_is_asked_for_and_nothing_may_leak
 }
 for_each_backend! {
     occlusion_agrees_with_the_nearest_hit_on_the_same_segment
@@ -160,6 +161,7 @@ fn disagreements<A: Accel>(geometry: &Geometry, rays: &[Ray]) -> usize {
         backend.intersect_coherent(rays, &mut together);
     }
     assert_eq!(together.len(), rays.len());
+    assert_list_finds_the_same(&reference, rays);
     for (ray, found_together) in rays.iter().zip(together) {
         let expected = reference.intersect(ray);
         hits += usize::from(expected.is_some());
@@ -181,6 +183,20 @@ fn disagreements<A: Accel>(geometry: &Geometry, rays: &[Ray]) -> usize {
     );
     println!("{}: {count} disagreements on {} rays, {hits} hits", A::NAME, rays.len());
     count
+}
+
+/// Compares 16 rays at a time with one, to the last bit.
+#[track_caller]
+fn assert_list_finds_the_same(reference: &Brute, rays: &[Ray]) {
+    let list = reference.list().expect("brute force has a list");
+    let (mut hits, mut occluded) = (Vec::new(), Vec::new());
+    list.intersect(rays, &mut hits);
+    list.occluded(rays, &mut occluded);
+    assert_eq!((hits.len(), occluded.len()), (rays.len(), rays.len()));
+    for ((ray, found), occluded) in rays.iter().zip(hits).zip(occluded) {
+        assert_eq!(found, reference.intersect(ray), "{ray:?}");
+        assert_eq!(occluded, found.is_some(), "{ray:?}");
+    }
 }
 
 fn agree(geometry: &Geometry, ray: &Ray, found: Option<&Hit>, expected: Option<&Hit>) -> bool {
@@ -410,6 +426,61 @@ fn the_company_of_a_ray_does_not_change_whether_it_is_occluded<A: Accel>() {
     let from_single = alone.zip(&together).filter(|(a, b)| a != *b).count();
     println!("{}: {differences} in other company, {from_single} alone", A::NAME);
     assert_eq!(differences, 0);
+}
+
+/// Rays that meet edges and corners exactly, of any length of direction, and those that can hit nothing.
+#[test]
+fn a_list_finds_what_its_triangles_find_alone_for_any_ray_and_number_of_rays() {
+    let mut mesh = TriangleMesh::default();
+    add_box(&mut mesh, Vec3::splat(-1.0), Vec3::ONE);
+    add_box(&mut mesh, Vec3::new(-0.5, -0.5, 0.0), Vec3::new(0.5, 0.5, 0.0));
+    let reference = build::<Brute>(&in_place([mesh]));
+    let mut random = Random(81);
+    let grid = |random: &mut Random| Vec3::from([(); 3].map(|()| random.below(9) as f32 * 0.25 - 1.0));
+    let odd = [0.0, -0.0, 1e-39, 1e-20, 1e20, f32::MAX, f32::INFINITY, f32::NAN];
+    let mut rays = Vec::new();
+    for i in 0..100_000 {
+        let origin = grid(&mut random) * 1.5;
+        let mut ray = Ray::new(origin, grid(&mut random) - origin);
+        ray.t_min = [0.0, 0.25, 1.0][random.below(3)];
+        ray.t_max = [0.5, 1.0, 2.0, f32::INFINITY][random.below(4)];
+        let value = odd[random.below(odd.len())];
+        match i % 8 {
+            0 => ray.direction[random.below(3)] = value,
+            1 => ray.origin[random.below(3)] = value,
+            2 => ray.t_max = value,
+            3 => ray.direction *= value,
+            _ => {}
+        }
+        rays.push(ray);
+    }
+    let hits = rays.iter().filter(|ray| reference.intersect(ray).is_some()).count();
+    assert!(hits > rays.len() / 4, "{hits}");
+    assert_list_finds_the_same(&reference, &rays);
+    for count in 0..=33 {
+        assert_list_finds_the_same(&reference, &rays[..count]);
+    }
+}
+
+fn a_list_is_made_where_it_is_asked_for_and_nothing_may_leak<A: Accel>() {
+    let geometry = in_place([sphere(3, 1.0)]);
+    for (quality, has_list) in [
+        (BuildQuality::List, true),
+        (BuildQuality::Low, false),
+        (BuildQuality::Medium, false),
+    ] {
+        for &intersector in A::INTERSECTORS {
+            let options = BuildOptions { intersector, quality };
+            let backend = A::build(&geometry, options).expect("the backend builds");
+            let has_list = has_list && intersector == Intersector::Robust;
+            assert_eq!(backend.list().is_some(), has_list, "{options:?}");
+            assert!(backend.intersect(&Ray::new(Vec3::ZERO, Vec3::X)).is_some());
+        }
+    }
+    let quality = |triangles, intersector| BuildQuality::for_paths(1 << 20, triangles, intersector);
+    assert_eq!(quality(48, Intersector::Robust), BuildQuality::List);
+    assert_eq!(quality(48, Intersector::Fast), BuildQuality::Medium);
+    assert_eq!(quality(480, Intersector::Robust), BuildQuality::Medium);
 }
 
 /// Rays in general position, so that no two triangles are at the same distance.

@@ -1,17 +1,12 @@
 //! The reference: every ray against every triangle.
 
-use super::triangle::{self, Corners, TriangleRay};
+use super::list::TriangleList;
+use super::triangle::TriangleRay;
 use super::{Accel, AccelError, BuildOptions, Geometry, Hit, Intersector, Ray};
 
-/// All triangles in world coordinates, without any hierarchy. For tests and for scenes of a few triangles.
+/// All triangles in world coordinates, without any hierarchy. For tests.
 pub struct Brute {
-    triangles: Vec<BruteTriangle>,
-}
-
-struct BruteTriangle {
-    corners: Corners,
-    placement: u32,
-    triangle: u32,
+    list: TriangleList,
 }
 
 impl Accel for Brute {
@@ -19,28 +14,15 @@ impl Accel for Brute {
     const INTERSECTORS: &'static [Intersector] = &[Intersector::Robust];
 
     fn build(geometry: &Geometry, _options: BuildOptions) -> Result<Brute, AccelError> {
-        let mut triangles = Vec::new();
-        for (placement, mesh) in geometry.placements.iter().map(|p| p.mesh).enumerate() {
-            for triangle in 0..geometry.meshes[mesh as usize].indices.len() {
-                let (placement, triangle) = (placement as u32, triangle as u32);
-                let corners = geometry.world_triangle(placement, triangle);
-                if triangle::can_be_hit(&corners) {
-                    triangles.push(BruteTriangle {
-                        corners: corners.into(),
-                        placement,
-                        triangle,
-                    });
-                }
-            }
-        }
-        Ok(Brute { triangles })
+        let list = TriangleList::new(geometry);
+        Ok(Brute { list })
     }
 
     fn intersect(&self, ray: &Ray) -> Option<Hit> {
         let prepared = TriangleRay::new(ray)?;
         let mut nearest = None;
         let mut t_max = ray.t_max;
-        for triangle in &self.triangles {
+        for triangle in self.list.triangles() {
             if let Some(hit) = prepared.intersect(&triangle.corners, t_max) {
                 t_max = hit.t;
                 nearest = Some(Hit {
@@ -57,14 +39,17 @@ impl Accel for Brute {
 
     fn occluded(&self, ray: &Ray) -> bool {
         TriangleRay::new(ray).is_some_and(|prepared| {
-            self.triangles
-                .iter()
-                .any(|triangle| prepared.intersect(&triangle.corners, ray.t_max).is_some())
+            let mut triangles = self.list.triangles().iter();
+            triangles.any(|triangle| prepared.intersect(&triangle.corners, ray.t_max).is_some())
         })
     }
 
+    fn list(&self) -> Option<&TriangleList> {
+        Some(&self.list)
+    }
+
     fn memory_bytes(&self) -> usize {
-        size_of_val(&*self.triangles)
+        self.list.memory_bytes()
     }
 
     fn version() -> String {

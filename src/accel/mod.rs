@@ -6,6 +6,7 @@
 use crate::math::Vec3;
 use crate::mesh::TriangleMesh;
 use glam::Affine3A;
+use list::TriangleList;
 use prefetch_index::prefetch_index;
 use std::sync::Arc;
 use thiserror::Error;
@@ -14,6 +15,7 @@ pub mod brute;
 #[cfg(feature = "embree")]
 #[allow(unsafe_code, reason = "Embree FFI")]
 pub mod embree;
+pub mod list;
 #[cfg(feature = "obvhs")]
 pub mod obvhs;
 pub mod triangle;
@@ -151,6 +153,9 @@ pub enum Intersector {
 /// How much time goes into the structure, so that rays take less.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BuildQuality {
+    /// A medium tree, and beside it a list of all triangles, which serves bounces and shadow rays ([`Accel::list`]). For
+    /// scenes of a few triangles, and for robust intersectors: a fast one has no list.
+    List,
     /// Sorted along a curve: the fastest to build.
     Low,
     /// By the surface-area heuristic.
@@ -161,16 +166,21 @@ pub enum BuildQuality {
 }
 
 impl BuildQuality {
-    /// Low where paths are few: a triangle saves more time in a low tree than a path of a few rays loses
-    /// (docs/performance.md).
-    pub fn for_paths(paths: u64, triangles: u64) -> BuildQuality {
-        if paths < triangles {
+    /// A list where triangles are few, and low where paths are: a triangle saves more time in a low tree than a path of a few
+    /// rays loses (docs/performance.md).
+    pub fn for_paths(paths: u64, triangles: u64, intersector: Intersector) -> BuildQuality {
+        if triangles <= MOST_LISTED && intersector == Intersector::Robust {
+            BuildQuality::List
+        } else if paths < triangles {
             BuildQuality::Low
         } else {
             BuildQuality::Medium
         }
     }
 }
+
+/// Most triangles of a scene in which a list is faster than a tree (docs/performance.md).
+const MOST_LISTED: u64 = 64;
 
 /// How to build.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -224,6 +234,11 @@ pub trait Accel: Sized + Send + Sync {
     /// the answer.
     fn occluded_many(&self, rays: &[Ray], occluded: &mut Vec<bool>) {
         occluded.extend(rays.iter().map(|ray| self.occluded(ray)));
+    }
+
+    /// All triangles, if that is the faster way to trace rays that have nothing in common, several together.
+    fn list(&self) -> Option<&TriangleList> {
+        None
     }
 
     /// Bytes of the acceleration structure, as far as the library tells.

@@ -10,6 +10,7 @@
 
 mod build;
 
+use super::list::TriangleList;
 use super::triangle::{self, Corners, TriangleHit, TriangleRay};
 use super::{Accel, AccelError, BuildOptions, BuildQuality, Geometry, Hit, Intersector, Ray};
 use crate::math::Vec3;
@@ -256,6 +257,7 @@ pub struct Obvhs {
     /// In the order of the slots of `instance_tree`.
     instances: Vec<Instance>,
     instance_tree: Tree,
+    list: Option<TriangleList>,
 }
 
 impl Accel for Obvhs {
@@ -304,6 +306,7 @@ impl Accel for Obvhs {
                 .filter_map(|&i| unordered[i as usize].take())
                 .collect(),
             instance_tree,
+            list: TriangleList::if_wanted(geometry, options),
         })
     }
 
@@ -356,6 +359,17 @@ impl Accel for Obvhs {
         found
     }
 
+    fn intersect_coherent(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>) {
+        match &self.list {
+            Some(list) => list.intersect(rays, hits),
+            None => hits.extend(rays.iter().map(|ray| self.intersect(ray))),
+        }
+    }
+
+    fn list(&self) -> Option<&TriangleList> {
+        self.list.as_ref()
+    }
+
     fn memory_bytes(&self) -> usize {
         self.world.memory_bytes()
             + self
@@ -366,6 +380,7 @@ impl Accel for Obvhs {
                 .sum::<usize>()
             + self.instance_tree.memory_bytes()
             + size_of_val(&*self.instances)
+            + self.list.as_ref().map_or(0, TriangleList::memory_bytes)
     }
 
     fn version() -> String {

@@ -209,7 +209,7 @@ struct EstimatorArgs {
     /// Robust at the edges of triangles, or fast with some leaks there (embree only)
     #[arg(long, value_enum, default_value = "robust")]
     intersector: IntersectorArg,
-    /// Time to build against time to trace: auto builds for the number of paths and triangles
+    /// Time to build against time to trace: auto goes by the number of paths and triangles, and takes a list for a few
     #[arg(long, value_enum, default_value = "auto")]
     build_quality: BuildQualityArg,
 }
@@ -361,7 +361,7 @@ impl EstimatorArgs {
 
     fn build_quality(&self, paths: u64, triangles: u64) -> BuildQuality {
         match self.build_quality {
-            BuildQualityArg::Auto => BuildQuality::for_paths(paths, triangles),
+            BuildQualityArg::Auto => BuildQuality::for_paths(paths, triangles, self.intersector()),
             BuildQualityArg::Low => BuildQuality::Low,
             BuildQualityArg::Medium => BuildQuality::Medium,
             BuildQualityArg::High => BuildQuality::High,

@@ -171,6 +171,7 @@ fn run_on<A: Accel>(
                 Intersector::Fast => "fast",
             },
             build_quality: match quality {
+                BuildQuality::List => "list",
                 BuildQuality::Low => "low",
                 BuildQuality::Medium => "medium",
                 BuildQuality::High => "high",

@@ -35,7 +35,7 @@ pub struct Batch {
     /// The light of at most one scattering event, if it is wanted apart.
     pub(super) direct: Vec<DVec3>,
     pub(super) keeps_direct: bool,
-    pub(super) camera: CameraRays,
+    pub(super) together: Together,
     /// Lanes of the paths that go on to a next vertex, ascending.
     pub(super) alive: Vec<u32>,
     /// By lane of the paths that met a surface.
@@ -96,13 +96,13 @@ impl Batch {
     }
 }
 
-/// Rays from the camera, which are traced by blocks of pixels.
+/// Rays that are traced together.
 #[derive(Debug, Default)]
-pub(super) struct CameraRays {
-    /// By sample: what its ray meets, as far as they are traced.
+pub(super) struct Together {
+    pub(super) rays: Vec<Ray>,
+    /// What the rays of all paths meet, in their order, as far as they are traced.
     pub(super) hits: Vec<Option<Hit>>,
-    /// The rays of one block, and what they meet.
-    pub(super) block_rays: Vec<Ray>,
+    /// What a block of camera rays meets, of which not all are wanted.
     pub(super) block_hits: Vec<Option<Hit>>,
 }
 

@@ -9,7 +9,7 @@
 //! ([`super::fetch`]); and a loop that only calculates becomes vector instructions. What a path computes does not depend on
 //! the others in its batch.
 
-use super::batch::{Batch, CameraRays, EscapedPath, Lanes, Paths, SampleId, Vertices};
+use super::batch::{Batch, EscapedPath, Lanes, Paths, SampleId, Together, Vertices};
 use super::fetch;
 use super::vertex::{camera_ray, wide};
 use super::{Kernel, RayCounts, Settings};
@@ -104,7 +104,7 @@ impl<A: Accel> PathTracer<'_, A> {
             alive,
             lanes,
             hits,
-            camera,
+            together,
             ..
         } = batch;
         let Lanes {
@@ -115,21 +115,28 @@ impl<A: Accel> PathTracer<'_, A> {
         } = &mut **lanes;
         hits.clear();
         escaped.paths.clear();
-        camera.hits.clear();
+        together.hits.clear();
         vertices.start_fetching(self.kernel.fetches_ahead);
         let fetch = |hits: &[Hit], paths: &Paths, vertices: &mut Vertices| {
             (self.kernel.fetch)(self.scene, self.settings, depth, hits, paths, vertices);
         };
-        for i in alive.iter().map(|&i| i as usize) {
+        // Rays from the camera have their own way.
+        let list = self.accel.list().filter(|_| depth > 0 && !has_cutouts);
+        if let Some(list) = list {
+            together.rays.clear();
+            together.rays.extend(alive.iter().map(|&i| paths.ray(i as usize)));
+            list.intersect(&together.rays, &mut together.hits);
+        }
+        for (nth, i) in alive.iter().map(|&i| i as usize).enumerate() {
             let ray = paths.ray(i);
             let hit = if has_cutouts {
                 let sampler = paths.sampler(i, self.settings.sampler, depth);
                 self.nearest_opaque(ray, &sampler)
-            } else if depth == 0 {
-                if i == camera.hits.len() {
-                    self.intersect_block(i, samples, paths, camera);
+            } else if depth == 0 || list.is_some() {
+                if nth == together.hits.len() {
+                    self.intersect_block(nth, samples, paths, together);
                 }
-                camera.hits[i]
+                together.hits[nth]
             } else {
                 self.accel.intersect(&ray)
             };
@@ -163,12 +170,8 @@ impl<A: Accel> PathTracer<'_, A> {
     /// Finds what the camera rays of a block of pixels meet, that of the sample `first`. Of triangles at the same distance, a
     /// backend may find another one in other company, so the company is always the same: where only a part of a block is
     /// wanted, the rest is traced as well.
-    fn intersect_block(&self, first: usize, samples: &[SampleId], paths: &Paths, camera: &mut CameraRays) {
-        let CameraRays {
-            hits,
-            block_rays,
-            block_hits,
-        } = camera;
+    fn intersect_block(&self, first: usize, samples: &[SampleId], paths: &Paths, together: &mut Together) {
+        let Together { rays, hits, block_hits } = together;
         let [x1, y1] = self.scene.camera.resolution();
         let image = Rect { x0: 0, y0: 0, x1, y1 };
         let block = |id: &SampleId| Rect::block(id.x, id.y);
@@ -177,16 +180,16 @@ impl<A: Accel> PathTracer<'_, A> {
         let ids = ids.take_while(|id| id.sample == start.sample && block(id) == block(start));
         let ids = &samples[first..first + ids.count()];
         let block = block(start).intersection(image);
-        block_rays.clear();
+        rays.clear();
         if ids.len() as u64 == block.pixels() {
-            block_rays.extend((first..first + ids.len()).map(|i| paths.ray(i)));
-            self.accel.intersect_coherent(block_rays, hits);
+            rays.extend((first..first + ids.len()).map(|i| paths.ray(i)));
+            self.accel.intersect_coherent(rays, hits);
             return;
         }
         let whole = || block.coordinates().map(|(x, y)| SampleId { x, y, ..*start });
-        block_rays.extend(whole().map(|id| camera_ray(self.scene, self.settings, id).1));
+        rays.extend(whole().map(|id| camera_ray(self.scene, self.settings, id).1));
         block_hits.clear();
-        self.accel.intersect_coherent(block_rays, block_hits);
+        self.accel.intersect_coherent(rays, block_hits);
         let wanted = whole().zip(&*block_hits).filter(|(id, _)| ids.contains(id));
         hits.extend(wanted.map(|(_, hit)| hit));
     }
@@ -200,7 +203,10 @@ impl<A: Accel> PathTracer<'_, A> {
             return;
         }
         batch.occluded.clear();
-        self.accel.occluded_many(&batch.shadow_rays, &mut batch.occluded);
+        match self.accel.list() {
+            Some(list) => list.occluded(&batch.shadow_rays, &mut batch.occluded),
+            None => self.accel.occluded_many(&batch.shadow_rays, &mut batch.occluded),
+        }
         for (occluded, (sample, light)) in batch.occluded.iter().zip(&batch.shadow_light) {
             if !occluded {
                 batch.radiance[*sample as usize] += wide(*light);

@@ -153,7 +153,7 @@ impl<'a> Workshop<'a> {
             .map(|object| self.desc.meshes[object.mesh].indices.len() as u64);
         let quality = setting
             .quality
-            .unwrap_or_else(|| BuildQuality::for_paths(paths, triangles.sum()));
+            .unwrap_or_else(|| BuildQuality::for_paths(paths, triangles.sum(), setting.intersector));
         let build_options = BuildOptions {
             intersector: setting.intersector,
             quality,

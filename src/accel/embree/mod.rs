@@ -6,6 +6,7 @@
 //! Embree promises nothing at the ends of a segment (its triangle test counts a hit at `tfar`, and rounding may put one
 //! at `tnear`), so the open interval is enforced here.
 
+use super::list::TriangleList;
 use super::triangle::LARGEST_COORDINATE;
 use super::{Accel, AccelError, BuildOptions, BuildQuality, Geometry, Hit, Intersector, Ray};
 use crate::math::Vec3;
@@ -83,7 +84,7 @@ fn error_name(code: ffi::RTCError) -> &'static str {
 fn build_quality(quality: BuildQuality) -> ffi::RTCBuildQuality {
     match quality {
         BuildQuality::Low => ffi::RTCBuildQuality::RTC_BUILD_QUALITY_LOW,
-        BuildQuality::Medium => ffi::RTCBuildQuality::RTC_BUILD_QUALITY_MEDIUM,
+        BuildQuality::List | BuildQuality::Medium => ffi::RTCBuildQuality::RTC_BUILD_QUALITY_MEDIUM,
         BuildQuality::High => ffi::RTCBuildQuality::RTC_BUILD_QUALITY_HIGH,
     }
 }
@@ -361,6 +362,7 @@ impl Drop for Scene {
 pub struct Embree {
     /// Holds the instanced scenes through its geometries.
     scene: Scene,
+    list: Option<TriangleList>,
     /// Their index arrays are in use by the scene, which is declared first and therefore dropped first.
     _meshes: Vec<Arc<TriangleMesh>>,
 }
@@ -450,6 +452,7 @@ impl Accel for Embree {
         }
         Ok(Embree {
             scene: top,
+            list: TriangleList::if_wanted(geometry, options),
             _meshes: geometry.meshes.clone(),
         })
     }
@@ -508,9 +511,13 @@ impl Accel for Embree {
         packet::occluded(self, rays, occluded);
     }
 
+    fn list(&self) -> Option<&TriangleList> {
+        self.list.as_ref()
+    }
+
     fn memory_bytes(&self) -> usize {
         let bytes = self.scene.device.monitor.bytes.load(Ordering::Relaxed);
-        usize::try_from(bytes).unwrap_or(0)
+        usize::try_from(bytes).unwrap_or(0) + self.list.as_ref().map_or(0, TriangleList::memory_bytes)
     }
 
     fn version() -> String {

@@ -78,7 +78,7 @@ fn by_box_if_many_are_equal(boxes: &[Aabb]) -> Option<Vec<u32>> {
 fn binary(boxes: &[Aabb], quality: BuildQuality) -> Option<Bvh2> {
     let params = match quality {
         BuildQuality::Low => BvhBuildParams::very_fast_build(),
-        BuildQuality::Medium => BvhBuildParams::medium_build(),
+        BuildQuality::List | BuildQuality::Medium => BvhBuildParams::medium_build(),
         // Without its splits of triangles: a leaf is one of our triangles.
         BuildQuality::High => BvhBuildParams::slow_build(),
     };
