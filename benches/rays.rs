@@ -1,10 +1,8 @@
-//! Rays per second of each backend on one thread: `cargo bench --bench rays`.
-//!
-//! There are no calls of the library behind `embree` to compare with: they need `unsafe`, which only the backend has. Its
-//! single rays differ from raw calls by the checks of the segment's ends.
+//! Rays per second of each backend on one thread, beside single calls of Embree and the list of scenes with few triangles:
+//! `cargo bench --bench rays`.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use embrace::accel::{Accel, BuildOptions, Ray};
+use embrace::accel::{Accel, BuildOptions, BuildQuality, Ray};
 use embrace::math::Vec3;
 use embrace::scene::{LoadOptions, Scene, SceneOptions, load};
 use std::path::Path;
@@ -38,19 +36,33 @@ fn camera_and_bounce(scene: &Scene, accel: &impl Accel) -> [Vec<Ray>; 2] {
     [camera, bounce]
 }
 
-fn backend<A: Accel>(criterion: &mut Criterion) {
+/// `raw` is what the library behind the backend finds without it.
+fn backend<A: Accel>(criterion: &mut Criterion, raw: Option<fn(&A, &Ray) -> f32>) {
     let mut group = criterion.benchmark_group(A::NAME);
     group.sample_size(20);
     for name in ["cornell", "spheres"] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}/{name}.toml"));
         let desc = load(&path, LoadOptions::default()).expect("the scene is in the repository");
         let scene = Scene::build(desc, SceneOptions::default()).expect("the scene can be built");
-        let accel = A::build(&scene.geometry, BuildOptions::default()).expect("the backend builds");
+        let build = |quality| {
+            let options = BuildOptions {
+                quality,
+                ..BuildOptions::default()
+            };
+            A::build(&scene.geometry, options).expect("the backend builds")
+        };
+        let accel = build(BuildQuality::Medium);
+        let listed = (scene.triangles() < 100).then(|| build(BuildQuality::List));
         for (kind, rays) in ["camera", "bounce"].iter().zip(camera_and_bounce(&scene, &accel)) {
             group.throughput(Throughput::Elements(rays.len() as u64));
             group.bench_function(format!("{name}, {kind}, closest"), |b| {
                 b.iter(|| rays.iter().filter(|ray| accel.intersect(ray).is_some()).count());
             });
+            if let Some(raw) = raw {
+                group.bench_function(format!("{name}, {kind}, closest, library alone"), |b| {
+                    b.iter(|| rays.iter().filter(|ray| raw(&accel, ray).is_finite()).count());
+                });
+            }
             let mut hits = Vec::with_capacity(RAYS);
             group.bench_function(format!("{name}, {kind}, closest, together"), |b| {
                 b.iter(|| {
@@ -68,6 +80,22 @@ fn backend<A: Accel>(criterion: &mut Criterion) {
                     occluded.len()
                 });
             });
+            if let Some(list) = listed.as_ref().and_then(A::list) {
+                group.bench_function(format!("{name}, {kind}, closest, list"), |b| {
+                    b.iter(|| {
+                        hits.clear();
+                        list.intersect(&rays, &mut hits);
+                        hits.len()
+                    });
+                });
+                group.bench_function(format!("{name}, {kind}, any, list"), |b| {
+                    b.iter(|| {
+                        occluded.clear();
+                        list.occluded(&rays, &mut occluded);
+                        occluded.len()
+                    });
+                });
+            }
         }
     }
     group.finish();
@@ -75,9 +103,9 @@ fn backend<A: Accel>(criterion: &mut Criterion) {
 
 fn backends(criterion: &mut Criterion) {
     #[cfg(feature = "embree")]
-    backend::<embrace::accel::embree::Embree>(criterion);
+    backend(criterion, Some(embrace::accel::embree::Embree::distance_unchecked));
     #[cfg(feature = "obvhs")]
-    backend::<embrace::accel::obvhs::Obvhs>(criterion);
+    backend::<embrace::accel::obvhs::Obvhs>(criterion, None);
 }
 
 criterion_group!(rays, backends);
