@@ -2,7 +2,7 @@
 //! `cargo bench --bench rays`.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use embrace::accel::{Accel, BuildOptions, BuildQuality, Ray};
+use embrace::accel::{Accel, BuildOptions, BuildQuality, Intersector, Ray};
 use embrace::math::Vec3;
 use embrace::scene::{LoadOptions, Scene, SceneOptions, load};
 use std::path::Path;
@@ -52,7 +52,8 @@ fn backend<A: Accel>(criterion: &mut Criterion, raw: Option<fn(&A, &Ray) -> f32>
             A::build(&scene.geometry, options).expect("the backend builds")
         };
         let accel = build(BuildQuality::Medium);
-        let listed = (scene.triangles() < 100).then(|| build(BuildQuality::List));
+        let chosen = BuildQuality::for_paths(u64::MAX, scene.triangles(), Intersector::Robust);
+        let listed = (chosen == BuildQuality::List).then(|| build(chosen));
         for (kind, rays) in ["camera", "bounce"].iter().zip(camera_and_bounce(&scene, &accel)) {
             group.throughput(Throughput::Elements(rays.len() as u64));
             group.bench_function(format!("{name}, {kind}, closest"), |b| {

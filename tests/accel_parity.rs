@@ -26,7 +26,7 @@ for_each_backend! { but not brute:
     scenes_of_every_scale_agree_with_brute
     the_company_of_a_ray_does_not_change_whether_it_is_occluded
     every_build_quality_finds_the_same
-    a_list_is_made_where_it_is_asked_for_and_nothing_may_leak
+    there_is_a_list_where_it_is_asked_for_and_the_test_is_robust
 }
 for_each_backend! {
     occlusion_agrees_with_the_nearest_hit_on_the_same_segment
@@ -462,7 +462,7 @@ fn a_list_finds_what_its_triangles_find_alone_for_any_ray_and_number_of_rays() {
     }
 }
 
-fn a_list_is_made_where_it_is_asked_for_and_nothing_may_leak<A: Accel>() {
+fn there_is_a_list_where_it_is_asked_for_and_the_test_is_robust<A: Accel>() {
     let geometry = in_place([sphere(3, 1.0)]);
     for (quality, has_list) in [
         (BuildQuality::List, true),

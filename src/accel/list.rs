@@ -273,6 +273,7 @@ impl Packet {
     #[inline(always)]
     fn intersect<const ANY: bool>(&mut self, triangles: &[ListedTriangle], first: u32, projected: &Projected) {
         for (index, triangle) in (first..).zip(triangles) {
+            // The remainder changes nothing, but no index needs a check.
             let [a, b, c] = triangle.vertices.map(|vertex| &projected[usize::from(vertex) % BLOCK]);
             let mut weights = [[0.0; WIDTH]; 3];
             let (mut low, mut high) = ([0.0; WIDTH], [0.0; WIDTH]);
@@ -312,6 +313,7 @@ impl Packet {
                     let t = min(max(self.distance_to_plane(i, corner, n), nearest[i]), farthest[i]);
                     let is_hit = (is_candidate[i] != 0) & (t > self.t_min[i]) & (t < self.t_max[i]);
                     let end = if ANY { f32::NEG_INFINITY } else { t };
+                    // Not `if`, which becomes a branch around the stores, and the loop one lane after the other.
                     self.t_max[i] = select_unpredictable(is_hit, end, self.t_max[i]);
                     self.nearest[i] = select_unpredictable(is_hit, index, self.nearest[i]);
                     for k in 0..3 {

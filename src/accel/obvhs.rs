@@ -257,6 +257,7 @@ pub struct Obvhs {
     /// In the order of the slots of `instance_tree`.
     instances: Vec<Instance>,
     instance_tree: Tree,
+    /// For [`BuildQuality::List`].
     list: Option<TriangleList>,
 }
 

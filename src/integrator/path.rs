@@ -60,7 +60,8 @@ pub(super) fn first_hits<A: Accel>(
         settings,
     };
     (kernel.start)(scene, settings, batch);
-    tracer.advance(0, batch);
+    // Nothing scatters: no vertex needs anything.
+    tracer.advance(0, batch, |_, _, _| ());
     let Batch {
         samples, hits, lanes, ..
     } = batch;
@@ -74,7 +75,9 @@ impl<A: Accel> PathTracer<'_, A> {
         (self.kernel.start)(self.scene, self.settings, batch);
         counts.camera += batch.samples.len() as u64;
         for depth in 0.. {
-            self.advance(depth, batch);
+            self.advance(depth, batch, |hits, paths, vertices| {
+                (self.kernel.fetch)(self.scene, self.settings, depth, hits, paths, vertices);
+            });
             (self.kernel.scatter)(self.scene, self.settings, depth, batch);
             match depth {
                 0 => batch.note_seen_light(),
@@ -94,8 +97,9 @@ impl<A: Accel> PathTracer<'_, A> {
         }
     }
 
-    /// Finds what each path meets, moves those that meet something together, and fetches what their vertices need.
-    fn advance(&self, depth: u32, batch: &mut Batch) {
+    /// Finds what each path meets, moves those that meet something together, and lets `fetch` make the steps of
+    /// [`super::fetch`].
+    fn advance(&self, depth: u32, batch: &mut Batch, fetch: impl Fn(&[Hit], &Paths, &mut Vertices)) {
         let has_cutouts = self.has_cutouts();
         let has_discs = self.scene.lights.has_discs();
         let has_sky = has_discs || self.scene.features.contains(SceneFeatures::ENVIRONMENT);
@@ -117,9 +121,6 @@ impl<A: Accel> PathTracer<'_, A> {
         escaped.paths.clear();
         together.hits.clear();
         vertices.start_fetching(self.kernel.fetches_ahead);
-        let fetch = |hits: &[Hit], paths: &Paths, vertices: &mut Vertices| {
-            (self.kernel.fetch)(self.scene, self.settings, depth, hits, paths, vertices);
-        };
         // Rays from the camera have their own way.
         let list = self.accel.list().filter(|_| depth > 0 && !has_cutouts);
         if let Some(list) = list {

@@ -362,6 +362,7 @@ impl Drop for Scene {
 pub struct Embree {
     /// Holds the instanced scenes through its geometries.
     scene: Scene,
+    /// For [`BuildQuality::List`].
     list: Option<TriangleList>,
     /// Their index arrays are in use by the scene, which is declared first and therefore dropped first.
     _meshes: Vec<Arc<TriangleMesh>>,
